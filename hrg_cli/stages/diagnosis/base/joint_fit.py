@@ -24,7 +24,7 @@ from ..drive.command_log import (
     predict_command_scatter,
     predict_lateness,
 )
-from ..drive.followed_answers import follow_answers, follow_whole_answers
+from ..drive.followed_answers import drop_whole_answers, follow_answers, follow_whole_answers
 from ..drive.held_commands import allow_steps, find_likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allow_scatter, follow_walk, has_log
@@ -220,7 +220,7 @@ def fit_beside_answers(fit: ExtendedFit) -> ExtendedFit:
         beside = _allow_answers(fit, ripple, ripple.spread_apart, frames.compute_spread(fit))
         return beside, frames, ripple
 
-    beside, frames, ripple = allowed(fit)
+    beside, frames, ripple = allowed(drop_whole_answers(fit))
     for _ in range(FOLLOWED_AGAIN):
         # columns about where a far fit began may keep it from settling, those about its end do not
         along = beside if is_gross(beside) else follow_answers(beside, frames, ripple)

@@ -127,6 +127,34 @@ def follow_whole_answers(fit: ExtendedFit, ripple: Ripple) -> ExtendedFit:
     return extended_fit.fit(series, point, fit.freedom, most=0, near=fit.flow.near)
 
 
+def drop_whole_answers(fit: ExtendedFit) -> ExtendedFit:
+    """The same without the answers that driven runs alone were laid along whole: to begin with the
+    part that is no coordinate's.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    ExtendedFit
+        Not fitted again; the same where a run is free, or nothing is followed.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.followed_answers import drop_whole_answers
+    >>> drop_whole_answers(draw_fit()) is draw_fit()
+    True
+    """
+    walk = fit.series.walk
+    if walk is None or walk.answers is None or not are_all_driven(fit.series):
+        return fit
+    series = replace(fit.series, walk=replace(walk, answers=None, answered=None, along=None))
+    return extended_fit.fit(series, fit.point, fit.freedom, most=0, near=fit.flow.near)
+
+
 def _find_likely(fit: ExtendedFit, ripple: Ripple) -> Array:
     """The likeliest sizes (8,) of a ripple's answers, c = Dᵀ C⁻¹ r, of a fit beside these."""
     assert fit.series.unsettled is not None

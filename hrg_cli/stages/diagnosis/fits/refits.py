@@ -17,7 +17,7 @@ from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
-from ..thresholds import CLEARLY, OUTDONE, WORTH
+from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
 from .scoring import compute_worth, is_gross, is_possible, price_place
 from .strike_instants import is_gross_elsewhere, settle_instants
 from .variants import Variant
@@ -396,12 +396,21 @@ def _refitted(
             instant = placed.point.active[-1][1][INSTANT]
             variant = replace(variant, values={**variant.values, INSTANT: instant})
         if (
-            trial.converged
+            _is_settled(fit, trial)
             and is_possible(effect, trial)
             and _may_stand(effect, fit, trial, ranked)
         ):
             whole.append((level, trial, score, variant))
     return sorted(whole, key=lambda t: t[0])
+
+
+def _is_settled(fit: ExtendedFit, trial: ExtendedFit) -> bool:
+    """Whether a cause's fit came to its end; or nearly so where the columns of what is unsettled
+    stand about the motion of a gross misfit, along which no fit turns into the right one: they are
+    made anew beside the cause."""
+    if trial.converged or trial.series.unsettled is None or not is_gross(fit):
+        return trial.converged
+    return trial.promised < UNSETTLED_BASE * (fit.chi2 - trial.chi2)
 
 
 def settle(fit: ExtendedFit) -> ExtendedFit:
