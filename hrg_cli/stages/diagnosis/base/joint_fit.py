@@ -162,7 +162,12 @@ def _fit_beside_log(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
     beside = _fit_beside_steps(fit, lambda fit: _fit_along_walk(allow_starts(allow_scatter(fit))))
-    return fit if beside.chi2 > FAR * beside.dof else beside
+    return fit if _is_far(beside) else beside
+
+
+def _is_far(fit: ExtendedFit) -> bool:
+    """Whether a misfit is far beyond what loops and their log may do."""
+    return fit.chi2 > FAR * fit.dof
 
 
 def _fit_along_walk(fit: ExtendedFit) -> ExtendedFit:
@@ -221,10 +226,14 @@ def fit_beside_answers(fit: ExtendedFit) -> ExtendedFit:
         return beside, frames, ripple
 
     beside, frames, ripple = allowed(drop_whole_answers(fit))
+    if _is_far(beside):
+        return beside
+    if is_gross(beside) and not beside.converged:
+        # columns about where it began may keep it from settling, those about its end do not
+        beside, frames, ripple = allowed(beside)
     for _ in range(FOLLOWED_AGAIN):
-        # columns about where a far fit began may keep it from settling, those about its end do not
         along = beside if is_gross(beside) else follow_answers(beside, frames, ripple)
-        if along is beside and (beside.converged or not is_gross(beside)):
+        if along is beside:
             break
         beside, frames, ripple = allowed(along)
     if not are_all_driven(beside.series):
