@@ -159,6 +159,11 @@ class ExtendedFit:
         off = np.array([now[name] - neutral[name] for name in self.layout.parameters(effect.name)])
         return off, square_over_covariance(off, self.covariance[columns, columns])
 
+    def stand_along(self, series: MeasuredRuns, point: Point | None = None) -> ExtendedFit:
+        """The same point, or another, on runs that hold another motion; not fitted again."""
+        at = self.point if point is None else point
+        return fit(series, at, self.freedom, most=0, near=self.flow.near)
+
     def frees(self, effect: str, name: str) -> bool:
         """Whether an effect's parameter is fitted."""
         return name in self.layout.parameters(effect)

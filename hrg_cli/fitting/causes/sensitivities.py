@@ -103,11 +103,12 @@ class Propagation:
         source = self.gather_in_steps(at_rows, at_middle)
         if in_steps is not None:
             source += in_steps
-        return accumulate_steps(self.step, np.zeros(4)[:, None] if start is None else start, source)
+        return self.carry_jumps(source, start)
 
-    def carry_jumps(self, jumps: Array) -> Array:
-        """Changes (R, n, 4, K) of the motion by jumps at the steps' ends, (R, n−1, 4, K)."""
-        return accumulate_steps(self.step, np.zeros((4, 1)), jumps)
+    def carry_jumps(self, jumps: Array, start: Array | None = None) -> Array:
+        """Changes (R, n, 4, K) of the motion by jumps at the steps' ends (R, n−1, 4, K) and changes
+        of the start (R, 4, K)."""
+        return accumulate_steps(self.step, np.zeros((4, 1)) if start is None else start, jumps)
 
     def gather_in_steps(self, at_rows: Array, at_middle: Array) -> Array:
         """What such source terms have added at every step's end, (R, n−1, 4, K)."""
@@ -127,7 +128,7 @@ class Propagation:
         source = multiply_out(h / 6 * (self.step @ at_rows[:, :-1]), g_rows[:, :-1])
         source += multiply_out(h * (4 / 6) * (self.half @ at_middle), g_middle)
         source += multiply_out(h / 6 * at_rows[:, 1:], g_rows[:, 1:])
-        return accumulate_steps(self.step, np.zeros((4, 1)), source)
+        return self.carry_jumps(source)
 
     def read_out(self, change: Array) -> Array:
         """Changes of the motion through the read-out's slope, (R, n, 4, K)."""
@@ -296,10 +297,8 @@ def find_base_sensitivities(flow: Propagation) -> tuple[Array, Array]:
     series, u = prediction.series, prediction.motion
     start = np.zeros((len(series.names), 4, COUNT + 1 + 4))
     start[:, :, COUNT + 1 :] = np.eye(4)
-    rows = _base_sources(flow, series, u, flow.rows)
-    mids = _base_sources(flow, flow.centre, flow.middle, flow.halves)
     pad = [(0, 0)] * 3 + [(0, 4)]  # a start state has no source: it is carried alone
-    carried = flow.read_out(flow.propagate(np.pad(rows, pad), np.pad(mids, pad), start))
+    carried = flow.read_out(flow.carry_jumps(np.pad(_gather_base(flow), pad), start))
     if series.forced.any():
         more = flow.rows.replace_second_order(
             _more_order(prediction.point.p), series.reference_frequency_hz
@@ -338,9 +337,15 @@ def gather_base_in_steps(flow: Propagation) -> Array:
     >>> bool(np.allclose(carried, find_base_sensitivities(flow)[0]))
     True
     """
-    rows = _base_sources(flow, flow.prediction.series, flow.prediction.motion, flow.rows)
+    return _gather_base(flow)[..., :COUNT]
+
+
+def _gather_base(flow: Propagation) -> Array:
+    """The same of the coordinates and of a frequency, (R, n − 1, 4, 8)."""
+    prediction = flow.prediction
+    rows = _base_sources(flow, prediction.series, prediction.motion, flow.rows)
     mids = _base_sources(flow, flow.centre, flow.middle, flow.halves)
-    return flow.gather_in_steps(rows, mids)[..., :COUNT]
+    return flow.gather_in_steps(rows, mids)
 
 
 _Pair = tuple[Mapping[str, float], Mapping[str, float], float]

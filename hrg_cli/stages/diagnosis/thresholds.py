@@ -77,7 +77,8 @@ LEAST_INFORMATION = 1e-4
 time, must hold to predict it at all."""
 UNSETTLED_BASE = 0.02
 """Part of what the causes take of χ² that the base fit, which they replace, may promise to fall
-yet: a model far from its data may turn about its optimum for long."""
+yet: a model far from its data may turn about its optimum for long. Likewise of what a cause takes
+of a gross misfit of driven runs, whose loops' answers are laid anew beside it."""
 RUN_PREDICTED = 1.5
 """rms of a run's errors over σ when it is predicted by the others, beyond which the run is not of
 the same device."""

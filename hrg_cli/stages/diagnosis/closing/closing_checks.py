@@ -21,6 +21,7 @@ from ....physics import ellipse
 from ..drive.scatter import TOLD, Scatter
 from ..extended.written import Written
 from ..fits.places import find_another_start, find_place_beside_strike
+from ..fits.refits import is_nearly_settled
 from ..fits.scoring import is_possible
 from ..search.gain import choose_left_out_folds, predict_folds
 from ..search.search_case import Case
@@ -37,7 +38,6 @@ from ..thresholds import (
     SAME_FREQUENCY,
     SCALE_FACTORS,
     SIGNIFICANT,
-    UNSETTLED_BASE,
     WRITTEN,
 )
 from .sized import Sized
@@ -141,17 +141,11 @@ def make_closing_checks(
         *_physics(final),
         checks.check_holds(
             "converged",
-            final.converged and _is_base_settled(search),
+            final.converged and is_nearly_settled(search.base, search.base.chi2 - final.chi2),
             "a fit stopped before it had settled",
         ),
         *_written(written),
     ]
-
-
-def _is_base_settled(search: Search) -> bool:
-    """Whether the fit without causes stands as nearly as what they change of it needs."""
-    taken = search.base.chi2 - search.final.chi2
-    return search.base.converged or search.base.promised < UNSETTLED_BASE * taken
 
 
 def _noise(fit: ExtendedFit, level: float, odd: str) -> Iterator[Check]:

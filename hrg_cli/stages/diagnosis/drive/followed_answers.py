@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
@@ -69,24 +68,25 @@ def follow_answers(fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple) -> Ex
     series = fit.series
     if series.unsettled is None:
         return fit
-    of_ripple = _find_likely(fit, ripple)
-    of_frames = frames.doings.T @ series.unsettled.project_out(fit.residual)
-    if are_all_driven(series):
-        of_frames = np.zeros_like(of_frames)
-    turn = frames.compute_turn(of_frames)
-    if np.abs(turn).max() > MOST_TURNED_RAD:
-        return fit
-    if of_frames.any():
-        series = replace(series, frame_turn=turn)
+    of_ripple, of_frames = _find_likely(fit, ripple), None
+    if not are_all_driven(series):
+        of_frames = frames.doings.T @ series.unsettled.project_out(fit.residual)
+        turn = frames.compute_turn(of_frames)
+        if np.abs(turn).max() > MOST_TURNED_RAD:
+            return fit
+        if of_frames.any():
+            series = replace(series, frame_turn=turn)
 
     def move(flow: Propagation) -> Array:
-        by_frames = carry_turns(flow, series, frames.angle, frames.phase) @ of_frames
-        return by_frames + flow.carry_jumps(ripple.gather_along(fit, flow)) @ of_ripple
+        moved = flow.carry_jumps(ripple.gather_along(fit, flow)) @ of_ripple
+        if of_frames is not None:
+            moved += carry_turns(flow, series, frames.angle, frames.phase) @ of_frames
+        return moved
 
     series = _lay_on(fit, series, fit.point, ripple.jumps @ of_ripple, move)
     if _find_missed(fit, series) < MISSED:
         return fit
-    return extended_fit.fit(series, fit.point, fit.freedom, most=0, near=fit.flow.near)
+    return fit.stand_along(series)
 
 
 def follow_whole_answers(fit: ExtendedFit, ripple: Ripple) -> ExtendedFit:
@@ -114,7 +114,7 @@ def follow_whole_answers(fit: ExtendedFit, ripple: Ripple) -> ExtendedFit:
     >>> follow_whole_answers(draw_fit(), None) is draw_fit()
     True
     """
-    if fit.series.unsettled is None:
+    if fit.series.unsettled is None or ripple.shares is None:
         return fit
     size, p = _find_likely(fit, ripple), fit.point.p.copy()
     p[: len(ripple.shares)] -= ripple.shares @ size
@@ -124,7 +124,7 @@ def follow_whole_answers(fit: ExtendedFit, ripple: Ripple) -> ExtendedFit:
         return flow.carry_jumps(gather_answers(fit, flow)) @ size
 
     series = _lay_on(fit, fit.series, point, gather_answers(fit, fit.flow) @ size, move)
-    return extended_fit.fit(series, point, fit.freedom, most=0, near=fit.flow.near)
+    return fit.stand_along(series, point)
 
 
 def drop_whole_answers(fit: ExtendedFit) -> ExtendedFit:
@@ -152,7 +152,7 @@ def drop_whole_answers(fit: ExtendedFit) -> ExtendedFit:
     if walk is None or walk.answers is None or not are_all_driven(fit.series):
         return fit
     series = replace(fit.series, walk=replace(walk, answers=None, answered=None, along=None))
-    return extended_fit.fit(series, fit.point, fit.freedom, most=0, near=fit.flow.near)
+    return fit.stand_along(series)
 
 
 def _find_likely(fit: ExtendedFit, ripple: Ripple) -> Array:

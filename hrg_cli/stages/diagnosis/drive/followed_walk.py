@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....fitting.causes import evidence, extended_fit
+from ....fitting.causes import evidence
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 
@@ -108,7 +108,7 @@ def _expect_earned(
         jumps = walk.estimate_jumps(noise, scatter)
         for side in (1, -1):
             series = replace(fit.series, walk=replace(walk, jumps=walk.jumps + side * jumps))
-            beside = extended_fit.fit(series, fit.point, fit.freedom, most=0, near=fit.flow.near)
+            beside = fit.stand_along(series)
             columns = make_columns(beside) @ score.directions
             earned += side * (beside.basis.project_out(columns).T @ noise) / 2
     return earned / DRAWS

@@ -64,8 +64,8 @@ class Ripple:
     doings: Array
     apart: Array
     """The same less what coordinates of the base model do of it, where no run is free."""
-    shares: Array
-    """Of these, what one of each answer is like (6, 8)."""
+    shares: Array | None
+    """Of these, what one of each answer is like (6, 8); None: a run is free."""
     jumps: Array
     """What the part apart adds at the end of every step, (R, n − 1, 4, 8)."""
     amplitude_1_s: float
@@ -79,24 +79,21 @@ class Ripple:
         Any gross misfit might be taken for an answer: beside one the gains alone tell. What was
         judged once stays: fits of the same runs are compared at the same doubt.
         """
-        flow = fit.flow
-        jumps, base = gather_answers(fit, flow), _gather_coordinates(flow)
-        doings, shared = (
-            whitened_rows.flatten_own(fit.series, flow.whiten_read_out(flow.carry_jumps(one)))
-            for one in (jumps, base)
-        )
-        shares = np.zeros((base.shape[-1], jumps.shape[-1]))
-        if are_all_driven(fit.series):
-            shares = np.linalg.lstsq(shared, doings, rcond=None)[0]
+        jumps, doings = _carry(fit, gather_answers(fit, fit.flow))
         sizes = 0.0, 0.0
         if fit.series.quadrature_drive.any():
             sizes = fit.series.answers_1_s or _judge_answers(fit, doings)
+        if not are_all_driven(fit.series):
+            return cls(doings, doings, None, jumps, *sizes)
+        base, shared = _carry(fit, _gather_coordinates(fit.flow))
+        shares = np.linalg.lstsq(shared, doings, rcond=None)[0]
         return cls(doings, doings - shared @ shares, shares, jumps - base @ shares, *sizes)
 
     def gather_along(self, fit: ExtendedFit, flow: Propagation) -> Array:
         """What the answers add at the end of every step (R, n − 1, 4, 8) of another motion, less
         what the same shares of the coordinates do."""
-        return gather_answers(fit, flow) - _gather_coordinates(flow) @ self.shares
+        answers = gather_answers(fit, flow)
+        return answers if self.shares is None else answers - _gather_coordinates(flow) @ self.shares
 
     @property
     def spread(self) -> Array:
@@ -131,6 +128,12 @@ def _find_seen_size(fit: ExtendedFit, doings: Array) -> float:
     left = (fit.residual, fit.residual - doings[:, DIRECTION])
     seen = max(abs(float(column @ residual)) / size for residual in left)
     return float(np.hypot(seen, size**-0.5))
+
+
+def _carry(fit: ExtendedFit, jumps: Array) -> tuple[Array, Array]:
+    """Jumps in the steps (R, n − 1, 4, k), and what they do to the waves over σ (N, k)."""
+    moved = fit.flow.whiten_read_out(fit.flow.carry_jumps(jumps))
+    return jumps, whitened_rows.flatten_own(fit.series, moved)
 
 
 def _gather_coordinates(flow: Propagation) -> Array:

@@ -217,19 +217,13 @@ def follow_walk(fit: ExtendedFit) -> ExtendedFit:
     series, walk = fit.series, fit.series.walk
     if walk is None or series.scatter is None or not walk.parts:
         return fit
-    jumps = walk.estimate_jumps(fit.residual, series.scatter)
-    nothing = np.zeros_like(walk.seen)
-    of_log = predict(
-        _soften_walk(series, walk, np.zeros_like(jumps), nothing), fit.point, fit.flow.near
-    )
-    walked = predict(_soften_walk(series, walk, jumps, nothing), fit.point, fit.flow.near)
-    series = _soften_walk(series, walk, jumps, walked.seen - of_log.seen)
+    still = walk.stand_still()
+    walked = replace(still, jumps=walk.estimate_jumps(fit.residual, series.scatter))
+    seen = [
+        predict(replace(series, walk=one), fit.point, fit.flow.near).seen for one in (still, walked)
+    ]
+    series = replace(series, walk=replace(walked, seen=seen[1] - seen[0]))
     return extended_fit.fit(series, fit.point, fit.freedom, near=fit.flow.near)
-
-
-def _soften_walk(series: MeasuredRuns, walk: Walk, jumps: Array, seen: Array) -> MeasuredRuns:
-    """The runs with another walk."""
-    return replace(series, walk=replace(walk, jumps=jumps, seen=seen))
 
 
 def has_log(series: MeasuredRuns) -> bool:
@@ -409,13 +403,8 @@ def find_corner_hz(fit: ExtendedFit) -> float:
 
 def _runs(fit: ExtendedFit, scatter: Scatter, pieces: LogPieces) -> list[_Run]:
     """The runs whose scatter counts."""
-    series, moves, kicks = (
-        fit.series,
-        scatter.find_moved_runs(fit.series),
-        pieces.build_jumps(),
-    )
-    nothing = np.zeros((*series.weight.shape, 4, kicks.shape[-1]))
-    moved = fit.flow.whiten_read_out(fit.flow.propagate(nothing, nothing[:, 1:], in_steps=kicks))
+    series, moves = fit.series, scatter.find_moved_runs(fit.series)
+    moved = fit.flow.whiten_read_out(fit.flow.carry_jumps(pieces.build_jumps()))
     doings = whitened_rows.flatten_rows(series, moved)
     shared = whitened_rows.flatten_rows(series, find_base_sensitivities(fit.flow)[0])
     slow = whitened_rows.flatten_rows(series, _slow(fit))

@@ -408,9 +408,36 @@ def _is_settled(fit: ExtendedFit, trial: ExtendedFit) -> bool:
     """Whether a cause's fit came to its end; or nearly so where the columns of what is unsettled
     stand about the motion of a gross misfit, along which no fit turns into the right one: they are
     made anew beside the cause."""
-    if trial.converged or trial.series.unsettled is None or not is_gross(fit):
+    if trial.series.unsettled is None or not is_gross(fit):
         return trial.converged
-    return trial.promised < UNSETTLED_BASE * (fit.chi2 - trial.chi2)
+    return is_nearly_settled(trial, fit.chi2 - trial.chi2)
+
+
+def is_nearly_settled(fit: ExtendedFit, taken: float) -> bool:
+    """Whether a fit stands as nearly as a fall of χ² beside it needs.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    taken
+        The fall of χ².
+
+    Returns
+    -------
+    bool
+        It has converged, or promises to fall by a small part of that.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import is_nearly_settled
+    >>> stopped = replace(draw_fit(), converged=False, promised=1.0)
+    >>> is_nearly_settled(stopped, 10.0), is_nearly_settled(stopped, 1000.0)
+    (False, True)
+    """
+    return fit.converged or fit.promised < UNSETTLED_BASE * taken
 
 
 def settle(fit: ExtendedFit) -> ExtendedFit:
