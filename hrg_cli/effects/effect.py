@@ -314,6 +314,9 @@ class Effect:
     beside
         The effect that must stand beside it for it to do anything, as a thermometer's lag needs
         something that follows temperature.
+    bends
+        The effect whose slope it bends: about another reference its bend is a bend and a slope, so
+        that what neither does alone is asked of both together.
     part_of
         Effects of which it is a part: while the misfit is gross one of them must stand first, or it
         must take the misfit away itself.
@@ -370,6 +373,7 @@ class Effect:
     shown_by: tuple[Condition, ...] = ()
     needs: tuple[Need, ...] = ()
     beside: str = ""
+    bends: str = ""
     part_of: tuple[str, ...] = ()
     whole_samples: bool = False
     makes_harmonics: bool = False

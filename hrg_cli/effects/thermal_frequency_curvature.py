@@ -43,6 +43,7 @@ EFFECT = Effect(
     family="resonator",
     page=__doc__,
     needs=("temperature",),
+    bends="thermal_frequency",
     parameters=(
         Parameter("relative_1_k2", "K-2", 1e-8, "relative bend of frequency per kelvin squared"),
         make_reference_temperature(),

@@ -143,7 +143,8 @@ def _judge_report(report: dict[str, Any], hidden: Hiding, size: float) -> dict[s
     term) or "nothing".
     """
     name, true = hidden.effect.name, hidden.choose_values(size)
-    others = list_effects_beside(hidden.effect)
+    # about the runs' own temperature a bend is a slope besides
+    others = {*list_effects_beside(hidden.effect), hidden.effect.bends}
     entries = [e for e in report["effects"] if e["name"] not in others]
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]] if entries else []
     if group:

@@ -19,11 +19,12 @@ import numpy as np
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import hold_effect
-from .inquiry import NoiseLevel
+from ..fits.scoring import is_gross
+from .inquiry import Inquiry, NoiseLevel
 from .offsets import Offsets, find_lone_run, judge_scatter, point_at, read_offsets
-from .run_patterns import QUIET, SPARE, Pattern, find_patterns
+from .run_patterns import QUIET, SPARE, Pattern, find_patterns, share_among
 from .search_case import Case
-from .selection import Found, prune_causes
+from .selection import Begun, Found, prune_causes
 
 Array = np.ndarray
 SCATTER = 1e-6
@@ -60,33 +61,70 @@ def take_from_frequencies(case: Case) -> Case:
     """
     search, noise = case.search, case.inquiry.noise
     fit, found = search.final, list(search.found)
+    begun = [one.name for one in search.start.found]
+    fit, found, follows, ranked = _follow(fit, found, case.inquiry, MOST - len(begun))
+    if follows:
+        fit, found = _prune_others(fit, found, [*begun, *follows], noise)
+    fitting = [one for one in ranked if one.allowed and one.left_p > QUIET]
+    frequencies = _describe_frequencies(fit, noise, [*begun, *follows], fitting, len(ranked))
+    search = replace(search, final=fit, found=tuple(found))
+    return replace(case, search=search, frequencies=frequencies)
+
+
+def begin_with_frequencies(base: ExtendedFit, inquiry: Inquiry) -> Begun:
+    """What the runs' frequencies show without any doubt, before the rows of the runs are asked:
+    whose parts in the rows are small would else be taken for other causes there.
+
+    Parameters
+    ----------
+    base
+        The fit without causes.
+    inquiry
+        The causes asked.
+
+    Returns
+    -------
+    Begun
+        The fit with these causes, each of which leaves no more than noise of the frequencies.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_found_case
+    >>> from hrg_cli.stages.diagnosis.search.between import begin_with_frequencies
+    >>> begin_with_frequencies(draw_fit(), draw_found_case().inquiry).found
+    ()
+    """
+    if is_gross(base):
+        return Begun(base)
+    fit, found, _, _ = _follow(base, [], inquiry, min(MOST, inquiry.most), surely=True)
+    return Begun(fit, tuple(found))
+
+
+def _follow(
+    fit: ExtendedFit, found: list[Found], inquiry: Inquiry, most: int, surely: bool = False
+) -> tuple[ExtendedFit, list[Found], list[str], list[Pattern]]:
+    """The fit with the causes that the frequencies show, all causes, the names of those, and the
+    patterns of what the frequencies still do; `surely`: while they leave no more than noise."""
     follows: list[str] = []
-    ranked: list[Pattern] = []
-    while len(follows) < MOST:
-        offsets, index = read_offsets(fit, noise)
+    while len(follows) < most:
+        offsets, index = read_offsets(fit, inquiry.noise)
         if (
             len(offsets.value) - offsets.means.shape[1] < SPARE + 1
             or judge_scatter(offsets)[1] > SCATTER
         ):
-            break
-        ranked = find_patterns(fit, offsets, index, case.inquiry)
+            return fit, found, follows, []
+        ranked = find_patterns(fit, offsets, index, inquiry)
         best = next((one for one in ranked if one.allowed), None)
         if best is None:
-            break
-        p = evidence.correct_for_tries(best.p_value, len(ranked))
-        if p > (BESIDE_NOISE if best.left_p > QUIET else SIGNIFICANT):
-            break
-        fit, one = _adopt_pattern(fit, best, ranked, offsets)
-        found = [f for f in found if f.variant.effect.name != one.variant.effect.name]
-        found.append(one)
-        follows.append(one.variant.effect.name)
-        ranked = []
-    if follows:
-        fit, found = _prune_others(fit, found, follows, noise)
-    fitting = [one for one in ranked if one.allowed and one.left_p > QUIET]
-    frequencies = _describe_frequencies(fit, noise, follows, fitting, len(ranked))
-    search = replace(search, final=fit, found=tuple(found))
-    return replace(case, search=search, frequencies=frequencies)
+            return fit, found, follows, ranked
+        p, quiet = evidence.correct_for_tries(best.p_value, len(ranked)), best.left_p > QUIET
+        if p > (BESIDE_NOISE if quiet and not surely else SIGNIFICANT) or (surely and not quiet):
+            return fit, found, follows, ranked
+        fit, taken = _adopt_pattern(fit, best, ranked, offsets)
+        names = [one.name for one in taken]
+        found = [*(one for one in found if one.name not in names), *taken]
+        follows += names
+    return fit, found, follows, []
 
 
 def _prune_others(
@@ -94,41 +132,44 @@ def _prune_others(
 ) -> tuple[ExtendedFit, list[Found]]:
     """Without the causes that stood in, within the runs, for those that their frequencies
     follow."""
-    others = [one for one in found if one.variant.effect.name not in follows]
+    others = [one for one in found if one.name not in follows]
     fit, kept = prune_causes(fit, others, noise, {})
-    return fit, kept + [one for one in found if one.variant.effect.name in follows]
+    return fit, kept + [one for one in found if one.name in follows]
 
 
 def _adopt_pattern(
     fit: ExtendedFit, best: Pattern, ranked: Sequence[Pattern], offsets: Offsets
-) -> tuple[ExtendedFit, Found]:
-    """The fit with the cause, the runs' frequencies held together up to the wander that is left."""
+) -> tuple[ExtendedFit, list[Found]]:
+    """The fit with the causes, the runs' frequencies held together up to the wander that is
+    left."""
     known = best.known
     size, _ = best.offsets.fit_response(known.response, best.wander)
-    estimate = known.aside + known.directions @ size
-    values = dict(best.variant.values)
-    for name, value in zip(best.variant.steps, estimate, strict=True):
-        values[name] += float(value)
     own = float(np.sqrt(np.median(np.diag(offsets.covariance))))
     freedom = replace(fit.freedom, offset_std=max(best.wander, LEAST * own))
     # what the cause does to the frequencies leaves the offsets, or a great one would start many
     # turns away
     point = replace(fit.point, offset_rad_s=best.offsets.value - known.response @ size)
-    again = extended_fit.fit(
-        fit.series, fit_point.add_effect(point, best.variant.effect, values), freedom
-    )
-    S = fit.find_sensitivities([best.variant.wanted])[0]
-    score = evidence.score(best.variant.effect.name, fit.residual, S, fit.basis)
+    values = share_among(best.variants, known.aside + known.directions @ size)
+    for variant, of_it in zip(best.variants, values, strict=True):
+        point = fit_point.add_effect(point, variant.effect, of_it)
+    again = extended_fit.fit(fit.series, point, freedom)
     level = best.compute_misfit(best.wander)
-    rivals = [
-        o.variant.effect.name
+    rivals = tuple(
+        o.name
         for o in ranked
-        if o is not best and o.allowed and o.compute_misfit(best.wander) < level + RIVAL
-    ]
-    worth = evidence.find_bic_gain(best.gain, known.response.shape[1], len(fit.residual))
-    return again, Found(
-        best.variant, replace(score, p_value=best.p_value), len(ranked), worth, tuple(rivals)
+        if len(o.variants) == 1
+        and o.variants[0] not in best.variants
+        and o.allowed
+        and o.compute_misfit(best.wander) < level + RIVAL
     )
+    worth = evidence.find_bic_gain(best.gain, known.response.shape[1], len(fit.residual))
+    columns = fit.find_sensitivities([one.wanted for one in best.variants])
+    taken = []
+    for variant, S in zip(best.variants, columns, strict=True):
+        score = evidence.score(variant.effect.name, fit.residual, S, fit.basis)
+        score = replace(score, p_value=best.p_value)
+        taken.append(Found(variant, score, len(ranked), worth, rivals))
+    return again, taken
 
 
 def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
@@ -176,7 +217,7 @@ def _describe_frequencies(
         return out | {"sentence": _say_agreement(follows)}
     differ = _say_difference(follows, wander_hz, z)
     if fitting:
-        names = [one.variant.effect.name for one in fitting]
+        names = [one.name for one in fitting]
         return out | {"would_follow": names, "sentence": differ + _say_chance(fitting, tried)}
     lone = find_lone_run(offsets, SCATTER)
     if lone is not None:
@@ -202,11 +243,12 @@ def _say_difference(follows: Sequence[str], wander_hz: float, z: float) -> str:
 
 def _say_chance(fitting: Sequence[Pattern], tried: int) -> str:
     """The causes that would make the frequencies so, and why they are not named all the same."""
-    names = " or ".join(one.variant.effect.name for one in fitting)
+    names = " or ".join(one.name for one in fitting)
     chance = evidence.correct_for_tries(fitting[0].p_value, tried)
+    next_experiment = fitting[0].variants[-1].effect.next_experiment
     return (
         f"{names} would make them so, but so few runs line up with one of {tried} causes by chance"
-        f" with p = {chance:.2g}: record more runs; {fitting[0].variant.effect.next_experiment}"
+        f" with p = {chance:.2g}: record more runs; {next_experiment}"
     )
 
 

@@ -13,7 +13,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.variants import Variant
 from ..thresholds import GROSS, INADEQUATE, NEVER_LESS
 from .beside_misfit import drop_indistinct
-from .between import take_from_frequencies
+from .between import begin_with_frequencies, take_from_frequencies
 from .forecast import drop_misleading
 from .form import take_better_form
 from .inquiry import Inquiry, NoiseLevel
@@ -101,7 +101,7 @@ def _searched(base: ExtendedFit, inquiry: Inquiry) -> Case:
     # not until it settles: with more noise fewer causes are taken and more is left over, so that
     # each round would inflate the next. The level of the last one is kept for judging
     for _ in range(2):
-        search = select(base, inquiry)
+        search = select(base, inquiry, begin_with_frequencies(base, inquiry))
         case = Case(inquiry, search, search_rest(search.final, inquiry.noise))
         slow, p = judge_adequacy(case.remainder.fit if case.remainder else search.final)
         if p > INADEQUATE or slow < NEVER_LESS * inquiry.noise.slow:

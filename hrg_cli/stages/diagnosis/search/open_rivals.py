@@ -50,7 +50,8 @@ class Rival:
 def give_way_to_open_terms(case: Case) -> Case:
     """The case without the catalogued causes that open terms outdo.
 
-    Every beginning of the list of causes is held, with open terms beside it, against the whole
+    What the runs' frequencies showed at the start is no matter of their rows, and stays. Every
+    further beginning of the list of causes is held, with open terms beside it, against the whole
     list; where the list leaves nothing over, one open term alone is, which is all that could be a
     smaller claim than a list that explains everything.
 
@@ -74,8 +75,8 @@ def give_way_to_open_terms(case: Case) -> Case:
     clearly = CLEARLY * case.inquiry.noise.slow
     full = case.criterion
     best: Rival | None = None
-    start = case.search.base
-    for count, following in enumerate(case.search.found):
+    start, begun = case.search.start.fit, len(case.search.start.found)
+    for count, following in enumerate(case.search.found[begun:], begun):
         beyond = _take_cause(start, following)
         if beyond is not None and case.remainder is not None and takes_nearly_all(start, beyond):
             start = beyond

@@ -10,7 +10,7 @@ have said all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,14 +38,14 @@ BLIND = 1e-9
 
 @dataclass(frozen=True)
 class Pattern:
-    """A cause against the offsets.
+    """A cause against the offsets, or a slope and its bend together.
 
     known: what it may do to them, and `offsets`: these less what the rows say that it does; chance
     that this is none, by offsets and rows together; χ² it takes away, wander left, p of what is
     left as noise; whether the rows of the runs allow it.
     """
 
-    variant: Variant
+    variants: tuple[Variant, ...]
     known: Knowledge
     offsets: Offsets
     p_value: float
@@ -55,6 +55,11 @@ class Pattern:
     allowed: bool
     stands: bool
     """Whether the cause stands already, and this is what its runs alone do not show of it."""
+
+    @property
+    def name(self) -> str:
+        """Of the cause, or of both."""
+        return " and ".join(one.effect.name for one in self.variants)
 
     def compute_misfit(self, wander: float) -> float:
         """χ² of the offsets beside the cause and a wander of that size."""
@@ -96,29 +101,94 @@ def find_patterns(
     []
     """
     active = {effect.name for effect, _ in fit.point.active}
-    out: dict[str, Pattern] = {}
-    open_ones = [
+    asked = [
         one
         for v in inquiry.candidates
         if not (v.secants or v.anywhere)
         and (one := v if v.effect.name not in active else _unshown(v, fit)) is not None
     ]
-    for variant, S in zip(
-        open_ones, fit.find_sensitivities([v.wanted for v in open_ones]), strict=True
-    ):
-        response = (fit.covariance @ fit.design.multiply_transposed(S))[list(index)]
-        if not np.all(np.isfinite(response)) or not response.any():
-            continue
-        known = Knowledge.from_sensitivities(fit, S, offsets, response, inquiry.noise.slow)
-        if known is None or not _thinkable(known, variant, offsets, fit):
-            continue
-        pattern = _pattern(variant, known, offsets, variant.effect.name in active)
-        if pattern is not None:
-            out[variant.effect.name] = pattern
+    columns = fit.find_sensitivities([v.wanted for v in asked])
+    alone: list[Asked] = [((one,), S) for one, S in zip(asked, columns, strict=True)]
+    out = _judge_patterns(fit, alone, offsets, index, inquiry)
+    out |= _judge_patterns(fit, _list_bent(alone, out), offsets, index, inquiry)
     return sorted(
         out.values(),
         key=lambda one: (not (one.stands and one.left_p > QUIET), one.p_value, -one.gain),
     )
+
+
+Asked = tuple[tuple[Variant, ...], Array]
+"""Causes that stand together, and their sensitivities (N, m)."""
+
+
+def _list_bent(alone: Sequence[Asked], judged: Mapping[str, Pattern]) -> list[Asked]:
+    """A slope and its bend together, where neither alone leaves no more than noise: about another
+    reference a bend is a bend and a slope."""
+    by_name = {variants[0].effect.name: (variants[0], S) for variants, S in alone}
+    out: list[Asked] = []
+    for bend, S in by_name.values():
+        if bend.effect.bends not in by_name:
+            continue
+        slope, S_slope = by_name[bend.effect.bends]
+        names = (slope.effect.name, bend.effect.name)
+        if not any(name in judged and judged[name].left_p > QUIET for name in names):
+            out.append(((slope, bend), np.concatenate([S_slope, S], axis=1)))
+    return out
+
+
+def _judge_patterns(
+    fit: ExtendedFit,
+    asked: Sequence[Asked],
+    offsets: Offsets,
+    index: Sequence[int],
+    inquiry: Inquiry,
+) -> dict[str, Pattern]:
+    """Those that could have made the runs' frequencies differ, by name; of a cause that may stand
+    in several ways the last."""
+    active = {effect.name for effect, _ in fit.point.active}
+    out = {}
+    for variants, S in asked:
+        response = (fit.covariance @ fit.design.multiply_transposed(S))[list(index)]
+        if not np.all(np.isfinite(response)) or not response.any():
+            continue
+        known = Knowledge.from_sensitivities(fit, S, offsets, response, inquiry.noise.slow)
+        if known is None or not _thinkable(known, variants, offsets, fit):
+            continue
+        stands = all(one.effect.name in active for one in variants)
+        pattern = _pattern(variants, known, offsets, stands)
+        if pattern is not None:
+            out[pattern.name] = pattern
+    return out
+
+
+def share_among(variants: Sequence[Variant], sizes: Array) -> list[dict[str, float]]:
+    """The values of causes that stand together, with sizes of all that they leave open.
+
+    Parameters
+    ----------
+    variants
+        Of the causes.
+    sizes
+        Beside what each begins with (m,), in the order of their parameters.
+
+    Returns
+    -------
+    list of dict
+        Of every cause by parameter.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.fits.variants import Variant
+    >>> from hrg_cli.stages.diagnosis.search.run_patterns import share_among
+    >>> share_among([Variant(find("gain_mismatch"), {"gain": 0.0}, {"gain": 1e-4})], [0.01])
+    [{'gain': 0.01}]
+    """
+    left = iter(sizes)
+    return [
+        {**one.values, **{name: one.values[name] + float(next(left)) for name in one.steps}}
+        for one in variants
+    ]
 
 
 @dataclass(frozen=True)
@@ -184,24 +254,27 @@ class Knowledge:
         )
 
 
-def _thinkable(known: Knowledge, variant: Variant, offsets: Offsets, fit: ExtendedFit) -> bool:
+def _thinkable(
+    known: Knowledge, variants: Sequence[Variant], offsets: Offsets, fit: ExtendedFit
+) -> bool:
     """Whether along one direction the size that would scatter the offsets as they are is one that
-    such a cause can have, and that the rows of the runs do not exclude."""
+    such causes can have, and that the rows of the runs do not exclude."""
     wander = offsets.estimate_wander()
     apart = known.response - known.response.mean(axis=0)
     for k, direction in enumerate(known.directions.T):
         needed = wander / max(float(np.sqrt(np.mean(apart[:, k] ** 2))), 1e-300)
         beyond = (needed - abs(known.told[k])) * np.sqrt(known.information[k])
-        values = {
-            name: variant.values[name] + needed * float(v)
-            for name, v in zip(variant.steps, direction, strict=True)
-        }
-        if beyond < EXCLUDED and is_small(variant.effect, {**variant.values, **values}, fit):
+        values = share_among(variants, needed * direction)
+        if beyond < EXCLUDED and all(
+            is_small(one.effect, of_it, fit) for one, of_it in zip(variants, values, strict=True)
+        ):
             return True
     return False
 
 
-def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool) -> Pattern | None:
+def _pattern(
+    variants: tuple[Variant, ...], known: Knowledge, offsets: Offsets, stands: bool
+) -> Pattern | None:
     """How well the cause follows the offsets; None where too few runs are left to say so."""
     from scipy.special import chdtrc, fdtrc
 
@@ -220,7 +293,7 @@ def _pattern(variant: Variant, known: Knowledge, offsets: Offsets, stands: bool)
         p = evidence.combine_chances(p, known.chance)
     quiet = float(chdtrc(dof, left.compute_misfit(0.0, known.response)[0]))
     allowed = _agrees(known, size, covariance)
-    return Pattern(variant, known, left, p, before - after, wander, quiet, allowed, stands)
+    return Pattern(variants, known, left, p, before - after, wander, quiet, allowed, stands)
 
 
 def _agrees(known: Knowledge, size: Array, covariance: Array) -> bool:

@@ -59,6 +59,11 @@ class Found:
     rivals: tuple[str, ...]
     sizes: Mapping[str, tuple[float, float]] | None = None
 
+    @property
+    def name(self) -> str:
+        """Of the cause."""
+        return self.variant.effect.name
+
     def add_rivals(self, names: Iterable[str]) -> Found:
         """The same, not told from these either; nothing is its own rival."""
         rivals = dict.fromkeys([*self.rivals, *names])
@@ -67,15 +72,30 @@ class Found:
 
 
 @dataclass(frozen=True)
+class Begun:
+    """With what a selection begins: a fit, and the causes in it, which are not put to the choice
+    again."""
+
+    fit: ExtendedFit
+    found: tuple[Found, ...] = ()
+
+
+@dataclass(frozen=True)
 class Search:
     """The selection's result: the fits, the accepted effects in order, the scores of all candidates
-    beside the first and the last fit."""
+    beside the first and the last fit, and what it began with."""
 
     base: ExtendedFit
     final: ExtendedFit
     found: tuple[Found, ...]
     first: tuple[Score, ...]
     last: tuple[Score, ...]
+    begun: Begun | None = None
+
+    @property
+    def start(self) -> Begun:
+        """With what the choice began: the base fit where nothing else."""
+        return Begun(self.base) if self.begun is None else self.begun
 
     def give_up(self, cause: Found, fit: ExtendedFit, candidates: Sequence[Variant]) -> Search:
         """The search in which a cause is given up; `fit`: the fit without it."""
@@ -84,7 +104,7 @@ class Search:
         return replace(self, final=fit, found=left, last=last)
 
 
-def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
+def select(base: ExtendedFit, inquiry: Inquiry, begun: Begun | None = None) -> Search:
     """Forward selection with refit, swaps of one cause and of two, and a backward check.
 
     Parameters
@@ -93,6 +113,8 @@ def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
         The fit without causes.
     inquiry
         What is asked for, and how many at most.
+    begun
+        With what it begins; None: the base fit.
 
     Returns
     -------
@@ -110,24 +132,32 @@ def select(base: ExtendedFit, inquiry: Inquiry) -> Search:
     candidates, noise = inquiry.candidates, inquiry.noise
     ranked = score_effects(base, candidates)
     first = tuple(s for s, _ in ranked)
-    selected = _take_forward(Selected(base, base, [], ranked), inquiry)
+    kept = [*begun.found] if begun is not None else []
+    fit = base
+    if begun is not None and kept:
+        fit, ranked = begun.fit, score_effects(begun.fit, candidates)
+    selected = _take_forward(Selected(base, fit, kept, ranked), inquiry)
     if is_gross(selected.fit):
         selected = _begin_with_two(base, ranked, selected, inquiry)
     reduced: dict[str, ExtendedFit] = {}
-    fit, found = exchange_causes(selected.fit, selected.found, candidates, noise, reduced)
+    chosen = selected.found[len(kept) :]
+    fit, chosen = exchange_causes(selected.fit, chosen, candidates, noise, reduced)
     # one by one first: most lists end there, and a pair is only asked of what no single exchange
     # betters. What a better pair frees may be taken by further causes
-    two = _exchange_two(fit, found, inquiry)
+    two = _exchange_two(fit, chosen, inquiry)
     if two is not None:
         # the fits without one of the causes were made beside the others of the old list
         reduced = {}
+        found = [*kept, *two[1]]
         selected = _take_forward(
-            Selected(selected.base, *two, score_effects(two[0], candidates)), inquiry
+            Selected(selected.base, two[0], found, score_effects(two[0], candidates)), inquiry
         )
-        fit, found = selected.fit, selected.found
-    fit, found = prune_causes(fit, found, noise, reduced)
+        fit, chosen = selected.fit, selected.found[len(kept) :]
+    fit, chosen = prune_causes(fit, chosen, noise, reduced)
+    kept = [replace(one, delta_bic=_loss_without(one, fit, noise, {})[0]) for one in kept]
     ranked = selected.ranked if fit is selected.fit else score_effects(fit, candidates)
-    return Search(selected.base, fit, tuple(found), first, tuple(s for s, _ in ranked))
+    last = tuple(s for s, _ in ranked)
+    return Search(selected.base, fit, (*kept, *chosen), first, last, begun if kept else None)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,25 @@ def test_frequencies_follow_temperatures_that_stand_still_in_every_run():
     assert abs(found["value"] - 3e-7) < 4 * found["std"]
 
 
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_a_bend_about_another_temperature_than_the_runs_own_is_a_slope_and_a_bend(seed):
+    """Within the runs it is 5 σ, of which small causes of the read-out took what they could; between
+    the runs it is a thousand, which neither slope nor bend alone follows."""
+    true = {"relative_1_k2": 4e-9, "reference_temperature_degc": 20.0}
+    _, out = verdict(programme(seed, {"thermal_frequency_curvature": true}))
+    assert [e["name"] for e in out["effects"]] == [
+        "thermal_frequency",
+        "thermal_frequency_curvature",
+    ]
+    assert out["verdict"] == "explained"
+    slope, bend = (next(iter(e["parameters"].values())) for e in out["effects"])
+    assert abs(bend["value"] - true["relative_1_k2"]) < 4 * bend["std"]
+    middle = out["effects"][1]["held"]["reference_temperature_degc"]["value"]
+    there = 2 * true["relative_1_k2"] * (middle - true["reference_temperature_degc"])
+    assert abs(slope["value"] - there) < 4 * slope["std"]
+    assert out["effects"][1]["delta_bic"] < out["effects"][0]["delta_bic"] / 10
+
+
 def test_a_cause_of_the_runs_motion_takes_their_frequencies_too():
     """Ramps of one slope each: within a run a gradient shows its splits alone, its frequency is the
     run's own; no second cause is asked for what it does between the runs."""
