@@ -24,9 +24,8 @@ from ..fitting.causes.fit_point import build_state
 from ..fitting.causes.wave_frame import to_reals
 from ..records import Wave, collect
 from ..stages.demodulate import demodulate
-from ..stages.diagnosis.base.base_priors import choose_freedom
+from ..stages.diagnosis.base import joint_fit
 from ..stages.diagnosis.base.data import prepare
-from ..stages.diagnosis.base.rate_step_fit import fit_rate_steps
 from ..stages.estimate import estimate
 from ..stages.simulate import list_run_ids, simulate
 
@@ -313,7 +312,8 @@ def fit_base(
     runs: list[Wave], scale_factor: float | None, beside: Mapping[str, Mapping[str, float]]
 ) -> ExtendedFit:
     """The base model's fit at the windows' own rate, with the effects that stand beside the hidden
-    one.
+    one; what a diagnosis does not know of driven runs (where their frame stands, what their loops
+    answer) is no better known to the yardstick.
 
     Parameters
     ----------
@@ -338,10 +338,7 @@ def fit_base(
     >>> bool(0.9 < fit.chi2 / fit.dof < 1.1)
     True
     """
-    series, point, _ = prepare(runs, scale_factor, ALL_ROWS)
-    fit = fit_rate_steps(
-        extended_fit.fit(series, point, choose_freedom(series, point, scale_factor))
-    )
+    fit = joint_fit.fit_base(runs, scale_factor=scale_factor, blocks=ALL_ROWS, free_phase=False)
     for name, values in beside.items():
         fit = extended_fit.fit(
             fit.series, fit_point.add_effect(fit.point, find(name), values), fit.freedom

@@ -162,6 +162,8 @@ def select(base: ExtendedFit, inquiry: Inquiry, begun: Begun | None = None) -> S
         fit, chosen = selected.fit, selected.found[len(kept) :]
     fit, chosen = prune_causes(fit, chosen, noise, reduced)
     kept = [replace(one, delta_bic=_loss_without(one, fit, noise, {})[0]) for one in kept]
+    if any(one.delta_bic < WORTH for one in kept):  # others do all that it was taken for
+        return select(base, inquiry)
     ranked = selected.ranked if fit is selected.fit else score_effects(fit, candidates)
     last = tuple(s for s, _ in ranked)
     return Search(selected.base, fit, (*kept, *chosen), first, last, begun if kept else None)
