@@ -18,7 +18,7 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
-from .scoring import compute_worth, is_gross, is_possible, price_place, spare_numbers
+from .scoring import compute_worth, is_gross, is_possible, price_place
 from .strike_instants import is_gross_elsewhere, settle_instants
 from .variants import Variant
 
@@ -308,16 +308,16 @@ def compute_bic(fit: ExtendedFit) -> float:
 
 
 def _saved(effect: Effect, fit: ExtendedFit) -> float:
-    """What of a cause's price ln N a parameter is not owed: what it is spared as one of several
-    numbers, or more where some of its parameters at neutral, the others fitted again, would do: χ²
-    rises by aᵀC⁻¹a of those (Wald), and which of them is a choice among as many."""
+    """What of a cause's price ln N a parameter is not owed where some of its parameters at neutral,
+    the others fitted again, would do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a
+    choice among as many."""
     if len(fit.layout.parameters(effect.name)) < 2:
         return 0.0
     off, _ = fit.measure_distance(effect)
     columns = fit.layout.effect(effect.name)
     C = fit.covariance[columns, columns]
     price = float(np.log(len(fit.residual)))
-    best = spare_numbers(len(off), len(fit.residual))
+    best = 0.0
     for count in range(1, len(off)):
         tries = 2 * float(np.log(math.comb(len(off), count)))
         for idle in itertools.combinations(range(len(off)), count):

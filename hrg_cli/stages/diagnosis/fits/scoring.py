@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 
 import numpy as np
 
@@ -11,14 +10,7 @@ from ....effects.effect import Effect
 from ....fitting.causes import evidence, scales
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..thresholds import (
-    GROSS,
-    MOST_TYPICAL,
-    OWN_SIGMA,
-    SMALL_IN_MOTION,
-    SMALL_IN_READOUT,
-    WORTH,
-)
+from ..thresholds import GROSS, MOST_TYPICAL, OWN_SIGMA, SMALL_IN_MOTION, SMALL_IN_READOUT
 from .places import place_cause
 from .variants import Variant
 
@@ -101,38 +93,6 @@ def price_place(effect: Effect, fit: ExtendedFit) -> float:
     return 2 * float(np.log(count_places(effect, fit)))
 
 
-@cache
-def spare_numbers(count: int, rows: int) -> float:
-    """What a cause of several numbers is not owed of ln N for each: chance makes it worth `WORTH`
-    as seldom as a cause of one number.
-
-    Parameters
-    ----------
-    count
-        Numbers of the cause.
-    rows
-        N, values that were fitted.
-
-    Returns
-    -------
-    float
-        0 of one number.
-
-    Examples
-    --------
-    Among four thousand values one number has to take 18 off χ², and four 27 instead of 43:
-
-    >>> from hrg_cli.stages.diagnosis.fits.scoring import spare_numbers
-    >>> round(spare_numbers(1, 4000), 6), round(4 * 8.294 + 10 - spare_numbers(4, 4000))
-    (0.0, 27)
-    """
-    from scipy.special import chdtrc, chdtri
-
-    price = float(np.log(rows))
-    chance = chdtrc(1, price + WORTH)
-    return count * price + WORTH - float(chdtri(count, chance))
-
-
 def compute_worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float = 1.0) -> float:
     """ΔBIC that a candidate's score promises beside a fit.
 
@@ -162,9 +122,8 @@ def compute_worth(score: Score, variant: Variant, fit: ExtendedFit, slow: float 
     >>> [round(one) for one in worth]
     [845, 207]
     """
-    rows = len(fit.residual)
-    gained = evidence.find_bic_gain(score.gain / slow, score.rank, rows)
-    return gained + spare_numbers(score.rank, rows) - price_place(variant.effect, fit)
+    gained = evidence.find_bic_gain(score.gain / slow, score.rank, len(fit.residual))
+    return gained - price_place(variant.effect, fit)
 
 
 def score_effects(fit: ExtendedFit, candidates: Sequence[Variant]) -> list[tuple[Score, Variant]]:

@@ -33,7 +33,6 @@ from ..fits.scoring import (
     is_gross,
     is_possible,
     score_effects,
-    spare_numbers,
 )
 from ..fits.variants import Variant
 from ..thresholds import GROSS, OUTDONE, SIGNIFICANT, TOGETHER, WORTH
@@ -554,9 +553,7 @@ def _loss_without(
     possible = is_possible(one.variant.effect, fit)
     if possible and name not in without and stand_in.is_beyond_question(fit, name):
         wald = fit.measure_distance(one.variant.effect)[1]
-        rank, rows = _size(fit, name)
-        gain = evidence.find_bic_gain(wald / noise.slow, rank, rows)
-        return gain + spare_numbers(rank, rows), fit
+        return evidence.find_bic_gain(wald / noise.slow, *_size(fit, name)), fit
     reduced = without[name] if name in without else leave_out(fit, name)
     if reduced is None:
         return np.inf, fit
