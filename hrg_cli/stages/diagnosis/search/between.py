@@ -11,7 +11,7 @@ size; what the rows of the runs say of it counts as well (`run_patterns`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,14 +60,19 @@ def take_from_frequencies(case: Case) -> Case:
     "the runs' frequencies agree within their errors"
     """
     search, noise = case.search, case.inquiry.noise
-    fit, found = search.final, list(search.found)
     begun = [one.name for one in search.start.found]
-    fit, found, follows, ranked = _follow(fit, found, case.inquiry, MOST - len(begun))
-    if follows:
-        fit, found = _prune_others(fit, found, [*begun, *follows], noise)
-    fitting = [one for one in ranked if one.allowed and one.left_p > QUIET]
-    frequencies = _describe_frequencies(fit, noise, [*begun, *follows], fitting, len(ranked))
-    search = replace(search, final=fit, found=tuple(found))
+    taken = _follow(search.final, case.inquiry, MOST - len(begun))
+    new = {one.name: one for one in taken.causes}
+    # what the search began with stays at the head of its list
+    head = [new.pop(one.name, one) for one in search.found if one.name in begun]
+    fit, others = taken.fit, [one for one in search.found if one.name not in (*begun, *new)]
+    if taken.causes:
+        # without those that stood in, within the runs, for what their frequencies follow
+        fit, others = prune_causes(fit, others, noise, {})
+    fitting = [one for one in taken.left if one.allowed and one.left_p > QUIET]
+    follows = [*begun, *new]
+    frequencies = _describe_frequencies(fit, noise, follows, fitting, len(taken.left))
+    search = replace(search, final=fit, found=(*head, *others, *new.values()))
     return replace(case, search=search, frequencies=frequencies)
 
 
@@ -96,45 +101,47 @@ def begin_with_frequencies(base: ExtendedFit, inquiry: Inquiry) -> Begun:
     """
     if is_gross(base):
         return Begun(base)
-    fit, found, _, _ = _follow(base, [], inquiry, min(MOST, inquiry.most), surely=True)
-    return Begun(fit, tuple(found))
+    taken = _follow(base, inquiry, min(MOST, inquiry.most), surely=True)
+    return Begun(taken.fit, taken.causes)
 
 
-def _follow(
-    fit: ExtendedFit, found: list[Found], inquiry: Inquiry, most: int, surely: bool = False
-) -> tuple[ExtendedFit, list[Found], list[str], list[Pattern]]:
-    """The fit with the causes that the frequencies show, all causes, the names of those, and the
-    patterns of what the frequencies still do; `surely`: while they leave no more than noise."""
-    follows: list[str] = []
-    while len(follows) < most:
+@dataclass(frozen=True)
+class Followed:
+    """The fit with the causes that the runs' frequencies show, these, and the patterns of what the
+    frequencies do besides, none of which is sure enough."""
+
+    fit: ExtendedFit
+    causes: tuple[Found, ...]
+    left: Sequence[Pattern]
+
+
+def _follow(fit: ExtendedFit, inquiry: Inquiry, most: int, *, surely: bool = False) -> Followed:
+    """Cause by cause, the least likely by chance first; `surely`: those alone that leave no more
+    than noise."""
+    causes: dict[str, Found] = {}
+    for _ in range(most):
         offsets, index = read_offsets(fit, inquiry.noise)
         if (
-            len(offsets.value) - offsets.means.shape[1] < SPARE + 1
+            len(causes) >= most
+            or len(offsets.value) - offsets.means.shape[1] < SPARE + 1
             or judge_scatter(offsets)[1] > SCATTER
         ):
-            return fit, found, follows, []
+            break
         ranked = find_patterns(fit, offsets, index, inquiry)
-        best = next((one for one in ranked if one.allowed), None)
-        if best is None:
-            return fit, found, follows, ranked
-        p, quiet = evidence.correct_for_tries(best.p_value, len(ranked)), best.left_p > QUIET
-        if p > (BESIDE_NOISE if quiet and not surely else SIGNIFICANT) or (surely and not quiet):
-            return fit, found, follows, ranked
+        room = most - len(causes)
+        best = next((one for one in ranked if one.allowed and len(one.variants) <= room), None)
+        if best is None or not _convinces(best, len(ranked), surely):
+            return Followed(fit, tuple(causes.values()), ranked)
         fit, taken = _adopt_pattern(fit, best, ranked, offsets)
-        names = [one.name for one in taken]
-        found = [*(one for one in found if one.name not in names), *taken]
-        follows += names
-    return fit, found, follows, []
+        causes |= {one.name: one for one in taken}
+    return Followed(fit, tuple(causes.values()), ())
 
 
-def _prune_others(
-    fit: ExtendedFit, found: Sequence[Found], follows: Sequence[str], noise: NoiseLevel
-) -> tuple[ExtendedFit, list[Found]]:
-    """Without the causes that stood in, within the runs, for those that their frequencies
-    follow."""
-    others = [one for one in found if one.name not in follows]
-    fit, kept = prune_causes(fit, others, noise, {})
-    return fit, kept + [one for one in found if one.name in follows]
+def _convinces(best: Pattern, tried: int, surely: bool) -> bool:
+    """Whether the best of so many is no chance; `surely`: and leaves no more than noise."""
+    quiet = best.left_p > QUIET
+    limit = BESIDE_NOISE if quiet and not surely else SIGNIFICANT
+    return (quiet or not surely) and evidence.correct_for_tries(best.p_value, tried) <= limit
 
 
 def _adopt_pattern(
@@ -217,8 +224,8 @@ def _describe_frequencies(
         return out | {"sentence": _say_agreement(follows)}
     differ = _say_difference(follows, wander_hz, z)
     if fitting:
-        names = [one.name for one in fitting]
-        return out | {"would_follow": names, "sentence": differ + _say_chance(fitting, tried)}
+        names = dict.fromkeys(v.effect.name for one in fitting for v in one.variants)
+        return out | {"would_follow": [*names], "sentence": differ + _say_chance(fitting, tried)}
     lone = find_lone_run(offsets, SCATTER)
     if lone is not None:
         return out | {"sentence": _say_lone_run(free, offsets, lone, z)}

@@ -27,13 +27,7 @@ from ..fits.refits import (
     refit,
     shortlist,
 )
-from ..fits.scoring import (
-    compute_worth,
-    count_places,
-    is_gross,
-    is_possible,
-    score_effects,
-)
+from ..fits.scoring import compute_worth, count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant
 from ..thresholds import GROSS, OUTDONE, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
@@ -73,7 +67,7 @@ class Found:
     def add_rivals(self, names: Iterable[str]) -> Found:
         """The same, not told from these either; nothing is its own rival."""
         rivals = dict.fromkeys([*self.rivals, *names])
-        rivals.pop(self.variant.effect.name, None)
+        rivals.pop(self.name, None)
         return replace(self, rivals=tuple(rivals))
 
 
@@ -138,11 +132,11 @@ def select(base: ExtendedFit, inquiry: Inquiry, begun: Begun | None = None) -> S
     candidates, noise = inquiry.candidates, inquiry.noise
     ranked = score_effects(base, candidates)
     first = tuple(s for s, _ in ranked)
-    kept = [*begun.found] if begun is not None else []
-    fit = base
-    if begun is not None and kept:
-        fit, ranked = begun.fit, score_effects(begun.fit, candidates)
-    selected = _take_forward(Selected(base, fit, kept, ranked), inquiry)
+    begun = Begun(base) if begun is None else begun
+    kept = [*begun.found]
+    if kept:
+        ranked = score_effects(begun.fit, candidates)
+    selected = _take_forward(Selected(base, begun.fit, kept, ranked), inquiry)
     if is_gross(selected.fit):
         selected = _begin_with_two(base, ranked, selected, inquiry)
     reduced: dict[str, ExtendedFit] = {}
