@@ -49,6 +49,7 @@ from .diagnosis.report.refusal import refuse, stop_search
 from .diagnosis.report.report import report as report_of
 from .diagnosis.report.scores import tabulate_scores
 from .diagnosis.report.shares import report_shares
+from .diagnosis.run_clock import count_from_begin
 from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_unheard
 from .diagnosis.samples.lines import describe_folded, find_common_step
@@ -163,7 +164,8 @@ def diagnose(
     usable = restrict_to_known_rates(drop_refused(waves))
     with usable.blame_refusals():
         _need_both_channels(usable.waves)
-    counted, clipped = count_common_clipping(name_apart(usable.waves))
+    clocks = count_from_begin(name_apart(usable.waves))
+    counted, clipped = count_common_clipping(clocks.waves)
     asked = Asked(
         tuple(counted),
         resonator,
@@ -172,8 +174,10 @@ def diagnose(
         most_effects,
         partial(fit_base, scale_factor=scale_factor, blocks=blocks, free_phase=free_phase),
     )
-    notes = (*usable.notes, *clipped, *map(_say_coarse, filter(is_coarse, counted)))
-    return replace(usable, refusals=(), notes=notes).judge(_diagnose_usable(asked))
+    coarse = map(_say_coarse, filter(is_coarse, counted))
+    notes = (*usable.notes, *clocks.list_notes(), *clipped, *coarse)
+    found = clocks.restore(_diagnose_usable(asked))
+    return replace(usable, refusals=(), notes=notes).judge(found)
 
 
 def _say_coarse(wave: Wave) -> str:

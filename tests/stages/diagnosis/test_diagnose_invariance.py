@@ -94,6 +94,34 @@ def test_the_unit_of_amplitude_does_not_matter(runs, found, factor):
     same(found, named(in_units(runs, amplitude=factor)), factor**-2)
 
 
+def test_what_a_run_s_clock_shows_when_it_begins_does_not_matter(runs, found):
+    """Samples at times t₀ + n/f_s, another t₀ in each run: the windows' times and the phase against
+    the reference's e^{jωt}, as demodulation gives them."""
+    same(found, named([begun_at(w, 40.0 + 1e3 * k) for k, w in enumerate(runs)]), sigma=1e-3)
+
+
+def begun_at(wave, late_s):
+    turned = 2 * np.pi * wave.reference_frequency_hz * late_s
+    return wave.replace(time_s=wave.time_s + late_s, phase_rad=wave.phase_rad - turned)
+
+
+def test_a_knock_is_told_by_the_recording_s_clock():
+    knock = {"c_velocity_over_omega": 3e-3, "s_velocity_over_omega": -2e-3, "time_s": 0.61}
+    table = programme(3, runs=4, duration_s=1.0)
+    table["run"][1]["effects"] = {"momentum_kick": knock}
+    late_s = [0.0, 77.0, 500.0, 0.0]
+    runs = [begun_at(w, late) for w, late in zip(waves(table), late_s, strict=True)]
+    found = diagnose(runs)
+    assert found.verdict == "explained", found.status_reasons
+    (one,) = found.told("effects")
+    assert one["name"] == "momentum_kick" and one["held"]["run"]["value"] == 1
+    assert one["held"]["time_s"]["value"] == pytest.approx(77.61, abs=0.01)
+    for run, (wave, late) in enumerate(zip(runs, late_s, strict=True)):
+        own = found.time_s[found.run == run]
+        assert late <= own.min() and own.max() <= wave.time_s[-1]
+    assert any("begin at 77 to 500 s" in told for told in found.status_reasons)
+
+
 @pytest.mark.slow
 def test_the_order_of_the_runs_does_not_matter(runs, found):
     same(found, named(runs[::-1]))
