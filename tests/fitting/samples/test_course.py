@@ -166,3 +166,18 @@ def test_means_of_a_smooth_quantity_are_its_integral() -> None:
     through = build_from_means(t, means, step)
     inside = slice(4, -4)
     np.testing.assert_allclose(through.value[inside], np.sin(9 * t)[inside], atol=2e-6)
+
+
+@pytest.mark.parametrize("place", np.linspace(0.0, 1.0, 7))
+@pytest.mark.parametrize("width", [0.8, 1.3, 2.0])
+def test_a_step_over_a_row_or_two_turns_by_the_integral_of_its_means(width, place) -> None:
+    """∫(1 + tanh(x/w)) = x + w ln cosh(x/w), wherever between two rows the step stands."""
+    t = np.arange(-20.0, 21.0)
+
+    def integral(x):
+        return x + width * np.log(np.cosh((x - place) / width))
+
+    means = integral(t + 0.5) - integral(t - 0.5)
+    through = build_from_means(t, means, 1.0)
+    turned = np.diff(through.integrate_to(np.array([-12.5, 12.5])))
+    assert abs(turned - np.diff(integral(np.array([-12.5, 12.5])))) < 1e-6
