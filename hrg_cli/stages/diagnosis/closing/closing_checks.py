@@ -124,7 +124,9 @@ def make_closing_checks(
             "the residual still follows something that the catalogue does not hold",
         ),
         checks.check_holds(
-            "catalogued_form", case.form is None, "a cause has another form than the catalogue's"
+            "catalogued_form",
+            case.form is None or case.form.catalogued,
+            "a cause has another form than the catalogue's",
         ),
         checks.check_holds(
             "lines_named",

@@ -160,7 +160,7 @@ def describe_left_over(
     >>> describe_left_over(None, None, ["the residual is not white"])["description"]
     'the residual is not white'
     """
-    if form is not None:
+    if form is not None and not (form.catalogued and remainder is None and not failed):
         return form.complete(remainder)
     return describe_in_words("; ".join(failed)) if failed and remainder is None else remainder
 

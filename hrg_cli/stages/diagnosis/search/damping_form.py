@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .shapes import NAME, DampingShape
+from .shapes import FREE, NAME, DampingShape
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,11 @@ class TriedForm:
 
 @dataclass(frozen=True)
 class Form:
-    """The better form: shape, power, ν_n at a₀ and ν with σ; ν with the catalogue's and χ² of both;
-    what it is not told from."""
+    """The better form: shape, how many σ its level stands off zero, power, ν_n at a₀ and ν with σ;
+    ν with the catalogue's and χ² of both; what it is not told from."""
 
     shape: DampingShape
+    z: float
     power: tuple[float, float]
     level_1_s: tuple[float, float]
     linear_1_s: tuple[float, float]
@@ -34,6 +35,12 @@ class Form:
     chi2: float
     rivals: tuple[str, ...] = ()
     tried: tuple[TriedForm, ...] = ()
+
+    @property
+    def catalogued(self) -> bool:
+        """Whether the catalogue's page holds it, with another power than it has by default: beside
+        a linear damping, the only one of its kind that the data allow."""
+        return self.shape == FREE
 
     @property
     def formula(self) -> str:
@@ -69,14 +76,13 @@ class Form:
         return text + (f"; not told apart from {' and '.join(self.rivals)}" if self.rivals else "")
 
     def amend(self, effect: dict[str, Any]) -> dict[str, Any]:
-        """The report's entry of the damping, its z that of ν_n at a₀: at unit amplitude level and
-        power are hardly told apart."""
+        """The report's entry of the damping, its z that of the level with the power as it is: the
+        two are hardly told apart."""
         if effect["name"] != NAME:
             return effect
-        z = self.level_1_s[0] / self.level_1_s[1]
         return effect | {
-            "z": z,
-            "p_value": float(np.exp(-0.5 * min(z**2, 1400.0))),
+            "z": self.z,
+            "p_value": float(np.exp(-0.5 * min(self.z**2, 1400.0))),
             "form": self.formula,
         }
 

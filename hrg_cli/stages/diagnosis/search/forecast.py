@@ -50,6 +50,9 @@ WORSE_TAUGHT = 2.0
 """Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven
 runs what a log may have missed is said of all of them together, and a part of them is without
 it."""
+ASTRAY = 10.0
+"""Surprise a value held out, 1 where σ is right, from which a forecast is wrong by what nobody
+taught."""
 
 
 @dataclass(frozen=True)
@@ -400,7 +403,8 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     the training data alone, by odds of `WORTH`.
 
     Folds whose training does not know the cause (`UNTAUGHT`), or is not fitted as all data are
-    (`WORSE_TAUGHT`), are left out; none left: it cannot be said, and is not.
+    (`WORSE_TAUGHT`), or that go `ASTRAY` either way, are left out; none left: it cannot be said,
+    and is not.
 
     Parameters
     ----------
@@ -444,11 +448,12 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             if reduced is None:
                 continue
             misfit = max(1.0, reduced.chi2 / reduced.dof)
-            one, other = (
-                find_forecast_errors(f, base, fold).compute_surprise(misfit)
-                for f in (taught, reduced)
-            )
-            if np.isfinite(one) and np.isfinite(other):
+            errors = [find_forecast_errors(f, base, fold) for f in (taught, reduced)]
+            one, other = (side.compute_surprise(misfit) for side in errors)
+            # where both are far beyond all that the training says it does not know, it is silent on
+            # something else, as runs at rest are on the scale factor, and decides nothing
+            known = min(one, other) < ASTRAY * errors[0].difference.size
+            if known and np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
     return with_it > without_it + WORTH
 

@@ -38,6 +38,7 @@ from .shapes import (
     compute_level,
     fit_shape,
     make_damping_effect,
+    measure_level_sigma,
     read_damping_values,
     read_power,
     to_catalogue,
@@ -192,6 +193,7 @@ def _describe_form(
     linear_std = final.coordinate_std("damping") if shape.linear else 0.0
     return Form(
         shape,
+        z=measure_level_sigma(final) / inflate,
         power=inflated(*read_power(final)),
         level_1_s=inflated(*compute_level(final, amplitude)),
         linear_1_s=inflated(float(final.point.p[DAMPING]), linear_std),

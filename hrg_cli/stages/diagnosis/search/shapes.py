@@ -25,7 +25,7 @@ Array = np.ndarray
 NAME = nonlinear_damping.EFFECT.name
 LEAST, MOST = -0.5, 8.0
 """Powers that are sought."""
-STEPS = 12
+STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -251,6 +251,32 @@ def compute_level(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
     return float(level), float(
         np.sqrt(max(slope @ fit.covariance[np.ix_(index, index)] @ slope, 0.0))
     )
+
+
+def measure_level_sigma(fit: ExtendedFit) -> float:
+    """How many σ the level stands off zero, the power being what it is: of a power near 0 the level
+    is hardly known beside the linear damping, and that there is one may be beyond doubt.
+
+    Parameters
+    ----------
+    fit
+        With the catalogue's parameters.
+
+    Returns
+    -------
+    float
+        With the level's sign.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_nonlinear_fit
+    >>> from hrg_cli.stages.diagnosis.search.shapes import measure_level_sigma
+    >>> bool(measure_level_sigma(draw_nonlinear_fit()) > 30)
+    True
+    """
+    index = [fit.layout.parameter(NAME, name) for name in fit.layout.parameters(NAME)]
+    precision = np.linalg.pinv(fit.covariance[np.ix_(index, index)])
+    return float(read_damping_values(fit)["damping_1_s"] * np.sqrt(precision[0, 0]))
 
 
 def _stands(fit: ExtendedFit, amplitude: float) -> tuple[float, float]:
