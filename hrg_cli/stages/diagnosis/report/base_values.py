@@ -106,13 +106,15 @@ def _stds_of_base(
 
 def _frequency_std(sized: Sized) -> float:
     """σ of the runs' mean frequency, Hz: of their own errors, or of their spread where that is
-    larger."""
+    larger, and of what the model leaves open, by how much it moves where that is made otherwise."""
     fit = sized.fit
     runs = len(fit.series.names)
     each = [fit.std_at(fit.layout.frequency(k)) for k in range(runs)]
     by_errors = float(np.sqrt(np.sum(np.square(each))) / runs)
     by_spread = float(np.std(fit.point.offset_rad_s)) / np.sqrt(runs)
-    return float(max(by_errors, by_spread) / (2 * np.pi) * np.sqrt(sized.factor))
+    own = max(by_errors, by_spread) / (2 * np.pi) * np.sqrt(sized.factor)
+    moved = [np.mean(fit.frequency_hz - o.frequency_hz) for o in (*sized.others, *sized.in_place)]
+    return float(np.linalg.norm([own, *moved]))
 
 
 def _compare_with_belief(
