@@ -768,5 +768,29 @@ def judge_adequacy(fit: ExtendedFit) -> tuple[float, float]:
     """
     from scipy.special import chdtrc
 
-    power, rank = evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit))
+    power, rank = measure_smooth_part(fit)
     return (power / rank, float(chdtrc(rank, power))) if rank else (1.0, 1.0)
+
+
+def measure_smooth_part(fit: ExtendedFit) -> tuple[float, int]:
+    """χ² of the residual's smooth part, and its degrees of freedom.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    tuple
+        About as large one as the other where only noise is left.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.remainder import measure_smooth_part
+    >>> power, degrees = measure_smooth_part(draw_fit())
+    >>> bool(power < 2 * degrees), degrees > 20
+    (True, True)
+    """
+    return evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit))

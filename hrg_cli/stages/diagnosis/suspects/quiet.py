@@ -18,8 +18,9 @@ from ....errors import name_some
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
-from ..thresholds import GROSS, WORTH
-from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
+from ..search.remainder import judge_adequacy, measure_smooth_part
+from ..thresholds import GROSS, INADEQUATE, WORTH
+from .cases import REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .mistakes import find_every_mistake
@@ -245,4 +246,17 @@ def _find_mistake(
     if not cases:
         return None
     case, beside = choose_case(cases)
-    return (case, beside) if case.apart is None and case.fit.is_adequate else None
+    return (case, beside) if case.apart is None and _mends(case.fit, before) else None
+
+
+def _mends(fit: ExtendedFit, before: ExtendedFit) -> bool:
+    """Whether a fit with mistakes undone leaves the stated noise, and of what is smooth in the
+    residual no more than a number found to some digits may: beside a small misfit χ² alone lets a
+    mistake stand that takes a quarter of it."""
+    if not fit.is_adequate:
+        return False
+    if judge_adequacy(fit)[1] > INADEQUATE:
+        return True
+    power, rank = measure_smooth_part(fit)
+    taken = before.chi2 - fit.chi2
+    return taken > REMOVED * (taken + power - rank)

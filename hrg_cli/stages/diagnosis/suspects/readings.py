@@ -28,6 +28,9 @@ KNOCK = 6
 TIME_LEAST = 3e-4
 """Relative difference of two frequencies that a clock may make and a temperature hardly."""
 TRIALS = 13
+SHARPENED = 2
+"""Rounds in which the factor of a clock is taken from the run's fitted frequency: the rates beside
+it change by the factor, of which the second round takes what that moved."""
 LATEST, FINEST = 0.2, 1e-3
 """Parts of the run by which a log may be late, and to which that is found."""
 LARGEST_GAIN, LARGEST_LEAD_RAD = 20.0, 3.0
@@ -328,15 +331,27 @@ def find_time_mistakes(
     if abs(factor - 1) < least or not 1e-2 < factor < 1e2:
         return
     # logs of the samples' own clock go with them; those of another keep their times
-    ways = [change.scale_times(wave, factor), change.scale_times_of_samples(wave, factor)]
+    ways = (change.scale_times, change.scale_times_of_samples)
+    scale = ways[int(np.argmin([_misfit_of_row(way(wave, factor), others) for way in ways]))]
+    factor = _sharpen_factor(lambda by: scale(wave, by), others, factor)
     yield Reading(
         CLOCK,
-        (ways[int(np.argmin([_misfit_of_row(way, others) for way in ways]))],),
+        (scale(wave, factor),),
         1,
-        f"with all its times multiplied by {factor:.6g} (it oscillates at {own:.6g} Hz, the others"
-        f" at {hz:.6g} Hz)",
+        f"with all its times multiplied by {factor:.6g} (it oscillates at {factor * hz:.6g} Hz, the"
+        f" others at {hz:.6g} Hz)",
         f"correct the sampling rate of this run: divide it by {factor:.6g}",
     )
+
+
+def _sharpen_factor(scaled: Callable[[float], Wave], others: ExtendedFit, factor: float) -> float:
+    """The factor of a run's times with which it has the others' frequency beside the same splits:
+    a wave's own turning is the frequency only up to the split."""
+    hz = float(np.median(others.frequency_hz))
+    for _ in range(SHARPENED):
+        with contextlib.suppress(extended_fit.DivergedError, HrgError, np.linalg.LinAlgError):
+            factor *= float(fit_held([scaled(factor)], others).frequency_hz[0]) / hz
+    return factor
 
 
 def _turning_hz(wave: Wave) -> Array:

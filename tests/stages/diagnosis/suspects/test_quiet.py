@@ -77,3 +77,18 @@ def test_a_damping_that_creeps_up_by_parts_of_a_percent_is_no_force():
     assert {what for _, what in suspected(report)} == {"loss of pressure"}
     assert ("run4", "loss of pressure") in suspected(report)
     assert ("run0", "loss of pressure") not in suspected(report)
+
+
+def test_a_split_of_the_frequencies_does_not_bend_a_clock_s_factor():
+    """A wave turns at its own mix of two frequencies, here up to 2.5e-4 apart: their mean is what a
+    clock multiplies."""
+    table = table_of(3, duration_s=1.0)
+    table["device"]["frequency_split_rad_s"] = 8.0
+    records = recordings(table)
+    records[1] = records[1].replace(
+        sample_rate_hz=1.001 * records[1].sample_rate_hz, nominal_frequency_hz=None
+    )
+    report = summarise(diagnose(estimated(records, periods_per_window=10.0)))
+    assert suspected(report) == [("run1", "sampling rate wrong")]
+    factor = float(report["suspect_runs"][0]["correction"].split()[-1])
+    assert factor == pytest.approx(1.001, abs=2e-6)
