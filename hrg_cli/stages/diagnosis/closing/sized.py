@@ -14,6 +14,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..fits.refits import adopt, leave_out
 from ..fits.scoring import score_effects
+from ..search.beside_misfit import drop_indistinct
+from ..search.open_rivals import give_way_to_open_terms
 from ..search.search_case import Case
 from ..search.selection import Found
 from ..search.stand_in import takes_nearly_all
@@ -122,7 +124,8 @@ def give_up_unsized(case: Case) -> tuple[Case, Sized]:
     """
     sized = Sized.from_case(case)
     while case.remainder is not None and (weakest := _find_weakest(case, sized)) is not None:
-        case = case.give_up(*weakest)
+        # what came in beside it was judged beside it
+        case = drop_indistinct(give_way_to_open_terms(case.give_up(*weakest)))
         sized = Sized.from_case(case)
     return case, sized
 
