@@ -52,7 +52,7 @@ from .diagnosis.report.shares import report_shares
 from .diagnosis.run_clock import count_from_begin
 from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_unheard
-from .diagnosis.samples.lines import describe_folded, find_common_step
+from .diagnosis.samples.lines import describe_folded, describe_rounding, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.own_clipping import count_common_clipping
 from .diagnosis.samples.tone import Tone
@@ -295,8 +295,9 @@ def _judge(
         case, sized, written, samples.shown, samples.unnamed_hz, samples.odd
     )
     failed = checks.list_failures(closing)
-    if failed and (folded := describe_folded(pieces, samples.named)):
-        failed = [folded, *failed]
+    if failed:
+        why = (describe_folded(pieces, samples.named), describe_rounding(pieces))
+        failed = [*filter(None, why), *failed]
     mistake = suspect_quiet_run(
         asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
     )

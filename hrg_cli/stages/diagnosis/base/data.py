@@ -363,8 +363,31 @@ def is_coarse(wave: Wave) -> bool:
     >>> is_coarse(wave), is_coarse(wave.replace(least_count=0.02, quantisation_share=1.0))
     (False, True)
     """
+    return is_mostly_rounding(wave) and count_codes(wave) < FEW_CODES
+
+
+def is_mostly_rounding(wave: Wave) -> bool:
+    """Whether rounding to codes makes most of a run's noise.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+
+    Returns
+    -------
+    bool
+        False where no converter's step is known.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.base.data import is_mostly_rounding
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> is_mostly_rounding(draw_waves()[0].replace(least_count=1e-3, quantisation_share=0.9))
+    True
+    """
     share = wave.quantisation_share
-    return share is not None and share >= MOSTLY_ROUNDING and count_codes(wave) < FEW_CODES
+    return share is not None and share >= MOSTLY_ROUNDING
 
 
 def count_codes(wave: Wave) -> float:

@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....effects.effect import Effect
+from ....errors import name_some
 from ....fitting.samples.frequency import fold
 from ....records import Array, Wave
+from ..base.data import is_mostly_rounding
 
 LINE_RATIO = 8.0
 """Power of a line over the floor from which it counts, in a good part of the runs."""
@@ -438,6 +440,41 @@ def describe_folded(waves: Sequence[Wave], found: Sequence[Effect]) -> str:
                 f" at another rate than {sampling:.6g} Hz"
             )
     return ""
+
+
+def describe_rounding(waves: Sequence[Wave]) -> str:
+    """A sentence on runs whose noise is mostly the converter's rounding, which is noise as far as
+    it does not repeat with the wave.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    str
+        Empty where there is none.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.lines import describe_rounding
+    >>> wave = draw_waves()[0]
+    >>> describe_rounding([wave])
+    ''
+    >>> describe_rounding([wave.replace(least_count=1e-3, quantisation_share=0.9)])[:48]
+    'rounding to steps of 0.001 makes most of the noi'
+    """
+    rounded = [wave for wave in waves if is_mostly_rounding(wave)]
+    if not rounded:
+        return ""
+    step = max(float(wave.least_count or 0.0) for wave in rounded)
+    names = name_some(dict.fromkeys(wave.run_id or "a run" for wave in rounded))
+    return (
+        f"rounding to steps of {step:.3g} makes most of the noise of {names}, and repeats with the"
+        " wave: what is left may be that; record with dither, more bits or at another rate"
+    )
 
 
 def find_spurs(
