@@ -123,7 +123,7 @@ def _follow(fit: ExtendedFit, inquiry: Inquiry, most: int, *, surely: bool = Fal
         offsets, index = read_offsets(fit, inquiry.noise)
         if (
             len(causes) >= most
-            or len(offsets.value) - offsets.means.shape[1] < SPARE + 1
+            or len(offsets.value) - offsets.means.shape[1] <= SPARE
             or judge_scatter(offsets)[1] > SCATTER
         ):
             break
@@ -229,7 +229,8 @@ def _describe_frequencies(
     lone = find_lone_run(offsets, SCATTER)
     if lone is not None:
         return out | {"sentence": _say_lone_run(free, offsets, lone, z)}
-    return out | {"sentence": differ + _say_unfollowed(fit.series.has_temperature)}
+    asked = len(offsets.value) - offsets.means.shape[1] > SPARE
+    return out | {"sentence": differ + _say_unfollowed(fit.series.has_temperature, asked)}
 
 
 def _say_agreement(follows: Sequence[str]) -> str:
@@ -279,6 +280,11 @@ def _say_lone_run(fit: ExtendedFit, offsets: Offsets, run: int, z: float) -> str
     )
 
 
-def _say_unfollowed(has_temperature: bool) -> str:
+def _say_unfollowed(has_temperature: bool, asked: bool) -> str:
+    """That no cause makes them so, or that so few frequencies follow whatever moves."""
     advice = "repeat a run as it was" if has_temperature else "log the temperature of every run"
-    return "nothing in the catalogue follows it, every run keeps a frequency of its own; " + advice
+    if not asked:
+        advice, nothing = "record more runs", "so few runs do not tell what they follow"
+    else:
+        nothing = "nothing in the catalogue follows it"
+    return f"{nothing}, every run keeps a frequency of its own; {advice}"
