@@ -111,18 +111,29 @@ def score_terms(fit: ExtendedFit, by_run: bool) -> list[Term]:
     ('gain split', 852)
     """
     rows = len(fit.residual)
+    # those without are looked through first, and with the others again
     out = [
         term
-        for term in judge_terms(fit, list(_pairs(fit, by_run)), fit.residual, fit.basis)
-        if term.score.visible
+        for own in ((False, True) if by_run else (False,))
+        for term in fit.recall(("terms", own), partial(_judge_all, fit, own))
     ]
     return sorted(out, key=lambda t: -round(t.compute_bic_gain(rows), 3))
 
 
-def _pairs(fit: ExtendedFit, by_run: bool) -> Iterator[tuple[Place, Covariate]]:
-    """All terms looked through."""
-    for covariate in list_covariates(fit.series, fit.flow.prediction.motion, find_peaks(fit)):
-        if covariate.contrasts is not None and not by_run:
+def _judge_all(fit: ExtendedFit, own: bool) -> list[Term]:
+    """The terms that can be seen, with a number of every run's `own` or without."""
+    judged = judge_terms(fit, list(_pairs(fit, own)), fit.residual, fit.basis)
+    return [term for term in judged if term.score.visible]
+
+
+def _pairs(fit: ExtendedFit, own: bool) -> Iterator[tuple[Place, Covariate]]:
+    """All terms with a number of every run's own, or without."""
+    covariates = fit.recall(
+        "covariates",
+        lambda: list(list_covariates(fit.series, fit.flow.prediction.motion, find_peaks(fit))),
+    )
+    for covariate in covariates:
+        if (covariate.contrasts is not None) != own:
             continue
         for place in PLACES:
             # a constant at a place of the motion is a coordinate of the base model itself
