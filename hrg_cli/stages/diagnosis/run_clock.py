@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -63,7 +62,7 @@ class RunClocks:
                 values[INSTANT]["value"] += self._tell_begin_s(name)
         for course in (report.get("forecast") or {}).get("course", []):
             begin = self._tell_begin_s(course["run"])
-            course[INSTANT] = [t + begin for t in course[INSTANT]]
+            course["time_s"] = [t + begin for t in course["time_s"]]
         return record.replace(
             time_s=record.time_s + late[record.run],
             report=json.dumps(report, ensure_ascii=False),
@@ -104,7 +103,7 @@ def count_from_begin(waves: Sequence[Wave]) -> RunClocks:
     """
     begin_s = [_find_begin_s(wave) for wave in waves]
     own = [
-        wave if not begin else _count_from(wave, begin)
+        _count_from(wave, begin) if begin else wave
         for wave, begin in zip(waves, begin_s, strict=True)
     ]
     return RunClocks(own, begin_s)
@@ -120,8 +119,7 @@ def _find_begin_s(wave: Wave) -> float:
 
 def _count_from(wave: Wave, begin_s: float) -> Wave:
     turned = 2 * np.pi * np.mod(wave.reference_frequency_hz * begin_s, 1.0)
-    changed: dict[str, Any] = {
-        "time_s": np.asarray(wave.time_s, float) - begin_s,
-        "phase_rad": np.asarray(wave.phase_rad, float) + turned,
-    }
-    return wave.replace(**changed)
+    return wave.replace(
+        time_s=np.asarray(wave.time_s, float) - begin_s,
+        phase_rad=np.asarray(wave.phase_rad, float) + turned,
+    )

@@ -38,8 +38,8 @@ class Form:
 
     @property
     def catalogued(self) -> bool:
-        """Whether the catalogue's page holds it, with another power than it has by default: beside
-        a linear damping, the only one of its kind that the data allow."""
+        """Whether the catalogue's page holds it: a power of its own beside a linear damping. One
+        without that, or with a supply, is one of several that physics allows."""
         return self.shape == FREE
 
     @property
