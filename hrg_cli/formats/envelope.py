@@ -216,7 +216,7 @@ def import_envelope(
     rows = source.read_between(from_s, to_s)
     plan = plan_windows(path, rows, rows_per_window, signal.phase_known)
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
-    blank = _no_windows(reference_hz, plan.rows * plan.step_s)
+    blank = _no_windows(reference_hz + plan.moved_hz, plan.rows * plan.step_s)
     blank = _judge(blank.replace(**heading.make_fields(log, path), units=unit), source, plan)
     return open_single(stream_windows(source, blank, plan, taken))
 

@@ -154,6 +154,8 @@ def _windows(
 ) -> Periods:
     """Means of the rows, with standard deviations, flags and slow columns."""
     one = "s_in_phase" not in source.signal.columns
+    if plan.moved_hz:
+        u = u * np.exp(-2j * np.pi * plan.moved_hz * times)
     means, rows = average_windows(
         u, plan.rows, estimate_mean_turn(u) if plan.rows > 1 and u.shape[1] > 1 else 0.0
     )

@@ -3,6 +3,7 @@ short against the wave's own motion."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,10 @@ it."""
 BEND = 0.1
 """Part of a window's standard deviation by which the envelope's curvature may move its mean."""
 
+FOLLOWED = 0.25
+"""Turns from window to window up to which windows follow the oscillation beside the reference as it
+is: from half a turn on they would show it a window's rate off."""
+
 WEAKENED, LOST = 0.9, 0.6
 """Gain of the filter at the oscillation below which it is told, and below which the result is
 suspect."""
@@ -59,6 +64,17 @@ class WindowPlan:
     passed: float
     settling: int = 0
     lengths: bool = False
+
+    @property
+    def moved_hz(self) -> float:
+        """By how much the windows' reference lies beside that of the rows: 0 where they follow the
+        oscillation beside this one."""
+        window_s = self.rows * self.step_s
+        if self.rows == 1 or abs(self.offset_hz) * window_s <= FOLLOWED:
+            return 0.0
+        # a thousandth of a window's rate: what is told has no more digits than are of use
+        digits = max(0, 3 + math.ceil(math.log10(window_s)))
+        return round(self.offset_hz, digits)
 
     def judge(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
@@ -81,6 +97,15 @@ class WindowPlan:
                         " and turns the phase; amplitudes are those behind the filter: move the"
                         " reference"
                     ),
+                )
+            )
+        if self.moved_hz:
+            found.append(
+                (
+                    "valid",
+                    f"the oscillation lies {self.offset_hz:.3f} Hz from the reference, more than"
+                    f" windows of {self.rows} rows follow: they are told against one"
+                    f" {self.moved_hz:+g} Hz beside it",
                 )
             )
         if not self.noise.level:

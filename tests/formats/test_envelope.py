@@ -214,7 +214,7 @@ def test_a_settled_filter_is_not_flagged(tmp_path, poles, constant_s, noise):
 
 def test_a_window_lies_on_the_envelope(tmp_path):
     """C(t) = Re[C₀ e^{jωt}]: c_cos = I, c_sin = −Q; means of rows lie on the envelope at their
-    time; Q of the other sign is turned."""
+    time, told against the windows' own reference; Q of the other sign is turned."""
     time = np.arange(3000) / 100.0
     u = envelope(time, offset_hz=2.0)
     for rows, sign in ((1, 1), (20, 1), (20, -1)):
@@ -223,13 +223,15 @@ def test_a_window_lies_on_the_envelope(tmp_path):
             rows_per_window=rows,
             quadrature_sign=sign,
         )
-        truth = envelope(made.time_s, offset_hz=2.0)
+        moved_hz = made.reference_frequency_hz - REFERENCE
+        assert (moved_hz == 0) == (rows == 1)
+        truth = envelope(made.time_s, offset_hz=2.0 - moved_hz)
         for k in range(2):
             np.testing.assert_allclose(
                 made.signals[:, 2 * k] - 1j * made.signals[:, 2 * k + 1], truth[k], atol=3e-6 * rows
             )
         assert made.window_s == pytest.approx(rows / 100) and made.units == "V"
-        assert made.periods_per_window == pytest.approx(rows / 100 * REFERENCE)
+        assert made.periods_per_window == pytest.approx(rows / 100 * made.reference_frequency_hz)
 
 
 def test_averaging_never_outruns_the_wave(tmp_path):
@@ -327,6 +329,18 @@ def test_the_filters_loss_far_from_the_reference_is_told(tmp_path):
     assert made.status == "suspect" and "Hz from the reference" in " ".join(made.status_reasons)
     near = taken(iq_log(tmp_path, *lock_in(poles=1, constant_s=0.1, noise=0.1)))
     assert near.status == "valid" and "from the reference" not in " ".join(near.status_reasons)
+
+
+@pytest.mark.parametrize("offset_hz", (-10.0, -3.1, 1.6, 3.1, 4.2))
+@pytest.mark.parametrize("rows_per_window", (None, 17))
+def test_windows_turn_no_further_than_they_can_follow(tmp_path, offset_hz, rows_per_window):
+    """From half a turn from window to window on a frequency is that of the windows' rate beside it:
+    at 3.1 Hz from the reference and 17 rows of 10 ms 5.88 Hz too low, and "valid"."""
+    time, u = lock_in(poles=4, constant_s=0.006, offset_hz=offset_hz, noise=0.05)
+    made = taken(iq_log(tmp_path, time, u), rows_per_window=rows_per_window)
+    resonator = identify([collect(estimate(made))], scale_factor=0.554)
+    value, std, _ = resonator.parameters()["frequency_hz"]
+    assert abs(value - REFERENCE - offset_hz) < 4 * std < 1e-3
 
 
 @pytest.mark.parametrize(
