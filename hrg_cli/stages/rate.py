@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, na
 from ..units import DEGREE_PER_HOUR
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .rate_by_tables import TableRate, rate_by_tables
+from .rate_logged import measure_bends_of_log
 from .rate_nodes import DOUBTFUL, DOUBTFUL_PIECE, Bends, follow
 
 Array = np.ndarray
@@ -135,7 +137,7 @@ def rate(
         def fit(count: int | None) -> RateEstimate:
             return fit_free_rate(wave, resonator, count)
 
-    found, bends = follow(fit(nodes), fit, nodes is None)
+    found, bends = follow(fit(nodes), fit, nodes is None, partial(measure_bends_of_log, wave))
     earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
     found = dataclasses.replace(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
@@ -353,6 +355,15 @@ def _check_nodes(found: RateEstimate, bends: Bends) -> list[Check]:
 def _check_bends(bends: Bends, count: int, more: str) -> list[Check]:
     """Whether the rate bends less between its nodes than their errors say: all along the run, and
     where that holds at the place where it bends most."""
+    of_log = checks.check_at_most(
+        "nodes_follow_log",
+        bends.logged,
+        DOUBTFUL,
+        f"the logged rate swings between {count} nodes: beside it the errors are"
+        f" {np.sqrt(1 + bends.logged):.2g} times those stated; {more}",
+    )
+    if not of_log.passed:
+        return [of_log]
     along = checks.check_at_most(
         "nodes_are_dense",
         bends.whole,
@@ -362,7 +373,7 @@ def _check_bends(bends: Bends, count: int, more: str) -> list[Check]:
         f" and {bends.end_s:.4g} s; {more}",
     )
     if not along.passed:
-        return [along]
+        return [of_log, along]
     somewhere = checks.check_at_most(
         "nodes_are_dense_everywhere",
         bends.worst,
@@ -370,7 +381,7 @@ def _check_bends(bends: Bends, count: int, more: str) -> list[Check]:
         f"the rate jumps or bends sharply between {bends.begin_s:.4g} and {bends.end_s:.4g} s:"
         f" the errors there are {np.sqrt(1 + bends.worst):.2g} times those stated; {more}",
     )
-    return [along, somewhere]
+    return [of_log, along, somewhere]
 
 
 def _more_nodes(found: RateEstimate) -> str:

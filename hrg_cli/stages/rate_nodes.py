@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class Bends:
     worst: float = 0.0
     begin_s: float = 0.0
     end_s: float = 0.0
+    logged: float = 0.0
+    """The same by what the logged rate does between the nodes."""
 
 
 def _predict_by_neighbours(found: RateEstimate) -> Bends:
@@ -121,7 +123,10 @@ def _judge(foretold: float, finer: Loss | None, begin: float, end: float, pieces
 
 
 def follow(
-    found: RateEstimate, fit: Callable[[int], RateEstimate], may_grow: bool
+    found: RateEstimate,
+    fit: Callable[[int], RateEstimate],
+    may_grow: bool,
+    measure_log: Callable[[RateEstimate], float | None],
 ) -> tuple[RateEstimate, Bends]:
     """A rate on as many nodes as leave its curvature within the noise, as far as the run carries
     them.
@@ -134,6 +139,8 @@ def follow(
         Number of nodes -> the rate on these.
     may_grow
         False: a number was asked for.
+    measure_log
+        What the logged rate does between the nodes (`measure_bends_of_log`); None: nobody knows.
 
     Returns
     -------
@@ -147,16 +154,48 @@ def follow(
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.rate_nodes import Bends, follow
     >>> found = Told(converged=False, time_s=[0.0, 1.0, 2.0])
-    >>> follow(found, None, may_grow=True) == (found, Bends())
+    >>> follow(found, None, may_grow=True, measure_log=lambda _: None) == (found, Bends())
     True
     """
+    logged = measure_log(found)
+    while may_grow and found.converged and (logged or 0.0) > NEGLIGIBLE:
+        finer = _fit_finer(found, fit)
+        if finer is None:
+            break
+        found, logged = finer, measure_log(finer)
+    if may_grow and logged is None and found.converged and not found.adequate:
+        found = _find_adequate(found, fit)
+        logged = measure_log(found)
     bends = _predict_by_neighbours(found)
     while may_grow and bends.worst > NEGLIGIBLE:
-        count = 2 * len(found.time_s) - 1
-        if count > found.most_nodes:
-            break
-        finer = fit(count)
-        if not finer.converged:
+        finer = _fit_finer(found, fit)
+        if finer is None:
             break
         found, bends = finer, _predict_by_neighbours(finer)
-    return found, bends
+        logged = measure_log(found)
+    return found, replace(bends, logged=logged or 0.0)
+
+
+def _fit_finer(found: RateEstimate, fit: Callable[[int], RateEstimate]) -> RateEstimate | None:
+    """The rate on twice as many nodes; None where the run does not carry them."""
+    count = 2 * len(found.time_s) - 1
+    if count > found.most_nodes:
+        return None
+    finer = fit(count)
+    return finer if finer.converged else None
+
+
+def _find_adequate(found: RateEstimate, fit: Callable[[int], RateEstimate]) -> RateEstimate:
+    """The rate on the fewest nodes, doubled so often, that leave the noise alone; as it was where
+    none do.
+
+    Nodes farther apart than half a period of what swings show nothing of it, and neither do half or
+    twice as many.
+    """
+    count = 2 * len(found.time_s) - 1
+    while count <= found.most_nodes:
+        finer = fit(count)
+        if finer.converged and finer.adequate:
+            return finer
+        count = 2 * count - 1
+    return found

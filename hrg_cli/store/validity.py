@@ -365,7 +365,9 @@ def _calibration_problem(record: Calibration) -> str | None:
                 f"/calibration/{name} has {count} coefficients per node; a constant and pairs of"
                 " cos and sin were expected"
             )
-    if not np.all(np.abs(record.scale_factor) >= np.finfo(float).tiny):
+    # tables that are refused may hold what nobody is to divide by: of runs at rest alone K is 0
+    usable = record.status != "refused"
+    if usable and not np.all(np.abs(record.scale_factor) >= np.finfo(float).tiny):
         return "/calibration/scale_factor holds 0, a finite number other than 0 was expected"
     coefficients = len(nodes) * (drift + scale)
     if len(record.covariance) != coefficients:

@@ -32,12 +32,13 @@ def swing(amplitude, periods):
     return lambda t: amplitude * np.sin(2 * np.pi * periods * t / SECONDS + PHASE)
 
 
-def found_rate(amplitude, periods, noise, seed, **options):
+def found_rate(amplitude, periods, noise, seed, logged=False, **options):
     rng = np.random.default_rng(seed)
     fine = np.arange(1, int(SECONDS / WINDOW_S) * FINE + 1) * WINDOW_S / FINE
     u = envelope(GYRO, 0.2, swing(amplitude, periods), fine)[FINE - 1 :: FINE]
     wave = as_wave(u, fine[FINE - 1 :: FINE], noise, GYRO, rng)
-    return rate(wave, known_resonator(), **options)
+    log = swing(amplitude, periods)(wave.time_s) if logged else None
+    return rate(wave.replace(rate_rad_s=log), known_resonator(), **options)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +64,41 @@ def test_nodes_that_were_asked_for_are_kept_and_doubted():
     assert found.status == "suspect"
     quiet = found_rate(0.05, 1.0, 1e-3, 0, nodes=20)
     assert quiet.status == "valid", quiet.status_reasons
+
+
+@pytest.mark.parametrize(("amplitude", "noise"), ((0.5, 1e-3), (0.02, 1e-3)))
+def test_a_quick_swing_takes_the_nodes_that_its_log_asks_for(amplitude, noise):
+    """12 periods on 20 nodes are averaged out, and χ² of the small swing says nothing of it: up to
+    750 of the stated σ off, and "valid"."""
+    found = found_rate(amplitude, 12.0, noise, 1, logged=True)
+    assert found.status == "valid", found.status_reasons
+    error = found.rate_estimate_rad_s - swing(amplitude, 12.0)(found.time_s)
+    assert np.sqrt(np.mean((error / found.rate_estimate_rad_s_std) ** 2)) < 1.3
+
+
+def test_a_swing_that_no_nodes_follow_is_doubted():
+    found = found_rate(2.0, 100.0, 1e-4, 1, logged=True)
+    assert found.status == "suspect"
+    assert "the logged rate swings between" in " ".join(found.status_reasons)
+
+
+def test_without_a_log_as_many_nodes_are_tried_as_leave_the_noise_alone():
+    """No few nodes show anything of a swing that is quick against them; it was refused at 20."""
+    found = found_rate(0.5, 12.0, 1e-3, 1)
+    assert found.status == "valid" and len(found.time_s) > 40
+
+
+def test_a_log_s_noise_asks_for_no_nodes():
+    rng = np.random.default_rng(3)
+    wave = as_wave(*quiet_wave(rng))
+    noisy = wave.replace(rate_rad_s=0.1 * rng.standard_normal(len(wave)))
+    assert len(rate(noisy, known_resonator()).time_s) == 20
+
+
+def quiet_wave(rng):
+    """Arguments of `as_wave` for a gyro at rest."""
+    t = np.arange(1, int(SECONDS / WINDOW_S) + 1) * WINDOW_S
+    return envelope(GYRO, 0.2, lambda t: 0.0 * t, t), t, 1e-4, GYRO, rng
 
 
 def walk_of(seconds, seed):
