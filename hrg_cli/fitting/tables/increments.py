@@ -118,8 +118,25 @@ class AnglePath:
         travel = np.diff(self.angle_rad)
         within = travel * np.minimum(self.average_neighbours(self.blur_s) / self.interval_s, 1.0)
         return build_harmonic_basis(
-            self.average_neighbours(self.angle_rad), harmonics, self.mode_number, travel, within
+            self.middle_angle_rad, harmonics, self.mode_number, travel, within
         )
+
+    @property
+    def middle_angle_rad(self) -> Array:
+        """Mean angle of the increments by their weights w (n,).
+
+        Δt apart, blurred over b, two blocks have the mean of angles ±Δt/2 away, of variance Δt²/4 +
+        b²/12; w has Δt²/12 + b²/12. The mean of both is therefore too far along a bend, by
+        θ̈Δt²/12: of a wave that its own drift bends (θ̈ ∝ D D') a part that would be a K of its own.
+        The second difference of speeds beside an increment knows nothing of its own noise.
+        """
+        middle, count = self.average_neighbours(self.angle_rad), len(self)
+        if count < 3:
+            return middle
+        interval = self.interval_s
+        speed, at = np.diff(self.angle_rad) / interval, self.average_neighbours(self.time_s)
+        bend = (speed[2:] - speed[:-2]) / (at[2:] - at[:-2])
+        return np.asarray(middle - np.pad(bend, 1, mode="edge") * interval**2 / 12)
 
     def select_rows(self, rows: slice) -> AnglePath:
         """The path of the increments `rows` alone."""
