@@ -256,7 +256,7 @@ def list_recordings(lot: LotSettings, path: Path) -> list[tuple[str | None, Path
     Raises
     ------
     HrgError
-        A name or pattern that no file fits.
+        A name or pattern that no file fits, or a recording that two gyros name.
 
     Examples
     --------
@@ -280,7 +280,13 @@ def list_recordings(lot: LotSettings, path: Path) -> list[tuple[str | None, Path
                     f"{path}: no file fits {pattern!r} in {path.parent.absolute()}; correct it"
                 )
             for file in files:
-                found[file] = gyro if gyro is not None else found.get(file)
+                other = found.get(file)
+                if gyro is not None and other not in (None, gyro):
+                    raise HrgError(
+                        f"{path}: {file.name} is named by gyro {other} and by gyro {gyro}; a"
+                        " recording is of one gyro: leave it out of the other"
+                    )
+                found[file] = gyro if gyro is not None else other
     return [(gyro, path) for path, gyro in sorted(found.items())]
 
 

@@ -535,9 +535,7 @@ def compute_corrections(calibration: Calibration, path: AnglePath) -> tuple[Arra
     [[1e-06, 1e-06], [0.55, 0.55]]
     """
     x = path.average_neighbours(path.find_abscissa(calibration.axis))
-    drift, scale = calibration.values_at(
-        x, path.average_neighbours(path.angle_rad), np.diff(path.angle_rad)
-    )
+    drift, scale = calibration.values_at(x, path.middle_angle_rad, np.diff(path.angle_rad))
     return drift + compute_measured_drift(calibration, path), scale
 
 
