@@ -150,7 +150,7 @@ def rate(
         doubtful += _check_tables(found, beside, wave, resonator)
     notes = _tell_granted_delay(wave, resonator) if loop_delay_s is None else []
     notes += [] if quadrature_phase_error_rad else _tell_granted_phase(wave, resonator)
-    notes += _tell_unseen_nodes(wave, found)
+    notes += [*_tell_unseen_nodes(wave, found), *_tell_moving_frequency(found)]
     result = _record_of(wave, found, beside, [*impossible, *doubtful], notes)
     refusals = checks.list_failures(impossible)
     doubts = [why for why in checks.list_failures(doubtful) if why not in refusals]
@@ -197,8 +197,26 @@ def _record_of(
     )
     outside = describe_left_out(wave, stretch > 0)
     told = [f"{outside} of the comparison with it"] if outside else []
-    noted = result.judged([*told, *notes], "valid")
+    noted = result.judged([*told, *_tell_apart_from_log(found, after), *notes], "valid")
     return noted if beside is None else noted.judged(beside.reasons, beside.status)
+
+
+def _tell_apart_from_log(found: RateEstimate, after: Array | None) -> list[str]:
+    """That the logged rate is another on the whole, where errors of the estimate do not explain it:
+    a log may be a mere set point, and the estimate is none the worse."""
+    if after is None or not np.isfinite(after).all():
+        return []
+    mean = float(np.mean(after))
+    std = float(np.sqrt(found.covariance.sum())) / len(after)
+    if not 0 < APART * std < abs(mean):
+        return []
+    logged = float(np.mean(found.rate_rad_s - after))
+    part = f", {abs(mean / logged):.2g} of it" if abs(logged) > abs(mean) else ""
+    return [
+        f"the logged rate is {abs(mean):.2g} rad/s {'below' if mean > 0 else 'above'} the estimate"
+        f" on the whole{part}, {abs(mean) / std:.2g} of its errors: the scale factor, or the log, is"
+        " another"
+    ]
 
 
 def _check_tables(
@@ -244,6 +262,16 @@ def _tell_granted_phase(wave: Wave, resonator: Resonator) -> list[str]:
         "the quadrature loop's force is taken to be in phase: each milliradian beside it makes the"
         f" rate wrong by up to {1e-3 * split / K / DEGREE_PER_HOUR:.3g} °/h; give"
         " --quadrature-phase-error-rad"
+    ]
+
+
+def _tell_moving_frequency(found: RateEstimate) -> list[str]:
+    """That the frequency was followed, where it moves."""
+    if not found.frequency_moves_hz:
+        return []
+    return [
+        f"the frequency moves by {found.frequency_moves_hz:.2g} Hz within the run, which turns the"
+        " phase of both channels alike: it is fitted beside the rate"
     ]
 
 

@@ -19,7 +19,7 @@ def test_a_recording_that_two_gyros_name_is_refused(folder):
         {"gyro_id": "A", "recordings": ["A*.h5"]},
         {"gyro_id": "C", "recordings": ["C*.h5", "A0.h5"]},
     ]
-    with pytest.raises(HrgError, match="A0.h5 is named by gyro A and by gyro C"):
+    with pytest.raises(HrgError, match=r"A0\.h5 is named by gyro A and by gyro C"):
         list_recordings(LotSettings(gyro=gyros), folder / "lot.toml")
 
 

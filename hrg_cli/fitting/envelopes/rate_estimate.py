@@ -75,6 +75,11 @@ class RateEstimate:
     """Nodes that the run's windows carry at most."""
     window_s: float = 0.0
     """Length of a window."""
+    phase_rad: Array = field(default_factory=lambda: np.zeros(0))
+    """What the last round of a fit moved the phase by that a moving frequency makes, on its
+    nodes."""
+    frequency_moves_hz: float = 0.0
+    """How far the frequency was found to move over the run; 0 where it was taken as constant."""
 
     @property
     def adequate(self) -> bool:

@@ -4,6 +4,10 @@ The run itself shows some of the resonator (its decay is ν), so the resonator's
 fitted beside the rate and held by what is known of them: p = p₀ + Sz, SSᵀ their covariance, with
 the rows z = 0 ± 1 (Bayes with a normal prior). With S = 0 this is the resonator held. What the run
 does not show, K above all, stays where it was and is in the rate's deviations with all of its own.
+
+A frequency that moves turns both channels' phases alike, u e^{jΦ(t)}, and commutes with all else:
+Φ, a cubic spline that is 0 at the run's ends (start and mean frequency are the run's own), may be
+fitted beside the rate.
 """
 
 from __future__ import annotations
@@ -51,6 +55,8 @@ class Reference:
 
     p: Array
     spread: Array
+    phase_nodes: int = 0
+    """Nodes within the run of a phase that the frequency's course makes; 0: it is constant."""
 
     @property
     def scale_factor(self) -> float:
@@ -137,8 +143,10 @@ def fit_rate(
     >>> bool(np.allclose(found.rate_rad_s, 0.5 + 0.1 * grid, atol=1e-6))
     True
     """
-    result, moved = None, np.inf
+    result, moved, phase = None, np.inf, np.zeros(len(whole))
+    measured = whole.envelope
     for _ in range(AVERAGINGS):
+        whole = replace(whole, envelope=measured * np.exp(-1j * phase)[:, None])
         # rows are averaged along the motion that the rate of the last round makes
         turn = integrate(build_cardinals(whole.time_s, grid).T @ rate, whole.time_s)
         run = replace(whole, turn_rad=turn)
@@ -156,10 +164,21 @@ def fit_rate(
             np.max(np.abs(result.rate_rad_s - rate) / np.maximum(result.rate_rad_s_std, 1e-300))
         )
         rate = result.rate_rad_s
+        phase = phase + result.phase_rad @ _build_phase(whole.time_s, known.phase_nodes)
         if moved < SETTLED or len(run) == len(whole) or result.chi2_per_dof > HOPELESS:
             break
     assert result is not None
-    return replace(result, truncation=0.0 if len(run) == len(whole) else moved)
+    return replace(
+        result,
+        truncation=0.0 if len(run) == len(whole) else moved,
+        frequency_moves_hz=float(np.ptp(np.gradient(phase, whole.time_s))) / (2 * np.pi),
+    )
+
+
+def _build_phase(time_s: Array, nodes: int) -> Array:
+    """Splines (nodes, n) that are 1 at one of even nodes within a run, and 0 at its ends."""
+    even = np.linspace(time_s[0], time_s[-1], nodes + 2)
+    return build_cardinals(time_s, even)[1:-1] if nodes else np.zeros((0, len(time_s)))
 
 
 @dataclass(frozen=True)
@@ -183,9 +202,9 @@ class _Step:
 @dataclass(frozen=True)
 class _Problem:
     """Rows of one run, and the nodes' weights at the begin, middle and end of its steps, (k, n−1),
-    and integrated to its rows, (k, n).
+    and integrated to its rows, (k, n); those of the phase's nodes at its rows, (f, n).
 
-    Unknowns x: the run's own five, the rates at the nodes, z.
+    Unknowns x: the run's own five, the rates at the nodes, the phases at theirs, z.
     """
 
     run: EnvelopeRun
@@ -195,6 +214,7 @@ class _Problem:
     middle: Array
     end: Array
     turning: Array
+    phase: Array
 
     @classmethod
     def from_run(cls, run: EnvelopeRun, grid: Array, known: Reference) -> _Problem:
@@ -203,17 +223,25 @@ class _Problem:
         begin, end = build_cardinals(run.time_s[:-1], grid), build_cardinals(run.time_s[1:], grid)
         middle = build_cardinals(run.time_s[:-1] + step / 2, grid)
         turning = _turning(run.time_s, begin, middle, end)
-        return cls(run, grid, known, begin, middle, end, turning)
+        phase = _build_phase(run.time_s, known.phase_nodes)
+        return cls(run, grid, known, begin, middle, end, turning, phase)
 
     @property
     def rates(self) -> slice:
         """Places of the rates in x."""
         return slice(OWN, OWN + len(self.grid))
 
+    @property
+    def phases(self) -> slice:
+        """Places of the phases in x."""
+        return slice(self.rates.stop, self.rates.stop + len(self.phase))
+
     def evaluate(self, x: Array) -> _Point:
         """The model at the unknowns."""
-        data = make_batch([replace(self.run, turn_rad=x[self.rates] @ self.turning)])
-        z = x[self.rates.stop :]
+        turned_back = np.exp(-1j * (x[self.phases] @ self.phase))[:, None]
+        envelope, turn = self.run.envelope * turned_back, x[self.rates] @ self.turning
+        data = make_batch([replace(self.run, envelope=envelope, turn_rad=turn)])
+        z = x[self.phases.stop :]
         p = self.known.p + self.known.spread @ z
         start = np.array([[x[0] + 1j * x[1], x[2] + 1j * x[3]]])
         response = respond(data, State(p, start, x[4:OWN][None]))
@@ -230,13 +258,17 @@ class _Problem:
         shared = response.find_coordinate_sensitivities().copy()
         shared[SCALE_FACTOR] = np.tensordot(x[self.rates], turned, 1)
         of_resonator = np.tensordot(self.known.spread.T, shared, 1)
-        columns = np.concatenate([response.find_run_sensitivities(), factor * turned, of_resonator])
+        # u e^{−jΦ} less the model: the phase moves what is measured, the other way
+        of_phase = 1j * self.phase[:, None, :, None] * response.batch.envelope
+        columns = np.concatenate(
+            [response.find_run_sensitivities(), factor * turned, of_phase, of_resonator]
+        )
         design = stack_reals(response.batch.whiten(columns)[:, 0])
         residual = response.compute_residual()[0].ravel()
         if not (np.isfinite(design).all() and np.isfinite(residual).all()):
             return None
-        z = x[self.rates.stop :]
-        prior = np.eye(len(x))[self.rates.stop :]
+        z = x[self.phases.stop :]
+        prior = np.eye(len(x))[self.phases.stop :]
         return _Step(
             *_solve_with_covariance(
                 np.concatenate([design, prior]), np.concatenate([residual.real, residual.imag, -z])
@@ -267,8 +299,9 @@ def _descend(
     """The rate at the nodes by Gauss–Newton from `rate`; offset: of the frequency, rad/s."""
     first, span = run.envelope[0], run.time_s[-1] - run.time_s[0]
     own = [first[0].real, first[0].imag, first[1].real, first[1].imag, offset * span]
-    x = np.concatenate([own, rate, np.zeros(problem.known.spread.shape[1])])
-    rates, dof = problem.rates, max(1, 4 * len(run) - len(rate) - OWN)
+    free = len(problem.phase)
+    x = np.concatenate([own, rate, np.zeros(free + problem.known.spread.shape[1])])
+    rates, dof = problem.rates, max(1, 4 * len(run) - len(rate) - free - OWN)
     with np.errstate(over="ignore", invalid="ignore"):
         found = descend(problem, problem.evaluate(x), ITERATIONS, ROUNDING)
     covariance = np.zeros((len(rate), len(rate)))
@@ -284,6 +317,7 @@ def _descend(
         dof,
         converged=found.converged,
         residual=np.concatenate([left.real, left.imag], axis=1),
+        phase_rad=found.point.x[problem.phases],
     )
 
 

@@ -9,6 +9,7 @@ start is linear in Ω (rate_start.py). Beside it stands −m·(dθ/dt)/K, which 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +30,10 @@ FEWEST_NODES, USUAL_NODES = 4, 20
 TOO_COARSE = 5.0
 """Standard deviations of a fall of χ² with twice as many nodes from which the rate changes faster
 than the nodes follow."""
+PHASE_NODES = (12, 48)
+"""Nodes of the phase by which a frequency may move, tried where a constant one does not fit."""
+OUTDONE = 2.0
+"""Times less of χ² that a moving frequency must leave where it does not leave the noise alone."""
 NO_BETTER = 0.9
 """Part of the χ² that twice as many nodes must leave at most for a poor fit to be worth still more
 of them."""
@@ -132,10 +137,37 @@ def fit_free_rate(wave: Wave, resonator: Resonator, nodes: int | None = None) ->
         **{k: values.get(k, 0.0) for k, _ in PARAMETERS}, mode_number=run.mode_number
     )
     known = make_reference(resonator, mechanics)
-    found = (
-        _grow_nodes(run, count, most, known) if nodes is None else _check_nodes(run, count, known)
-    )
+
+    def find(reference: Reference) -> RateEstimate:
+        if nodes is None:
+            return _grow_nodes(run, count, most, reference)
+        return _check_nodes(run, count, reference)
+
+    found = find(known)
+    if not found.adequate:
+        found = _follow_frequency(found, run, lambda count: find(replace(known, phase_nodes=count)))
     return replace(found, most_nodes=min(most, MOST_NODES), window_s=run.window_s)
+
+
+def _follow_frequency(
+    found: RateEstimate, run: EnvelopeRun, find: Callable[[int], RateEstimate]
+) -> RateEstimate:
+    """The rate beside a frequency that moves, on as few nodes of its phase as leave no more than
+    chance; as it was where that does not explain most of the misfit.
+
+    A frequency that warms and cools with the gyro tells nothing against its resonator.
+    """
+    before = 0
+    for count in PHASE_NODES:
+        if len(run) < ROWS_A_NODE * count:
+            break
+        moving, more = find(count), count - before
+        fallen = found.chi2_per_dof * found.dof - moving.chi2_per_dof * moving.dof
+        explains = moving.adequate or moving.chi2_per_dof < found.chi2_per_dof / OUTDONE
+        if not (moving.converged and explains and fallen > more + TOO_COARSE * np.sqrt(2 * more)):
+            break
+        found, before = moving, count
+    return found
 
 
 def _most_checked(run: EnvelopeRun) -> int:
