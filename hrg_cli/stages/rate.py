@@ -214,8 +214,8 @@ def _tell_apart_from_log(found: RateEstimate, after: Array | None) -> list[str]:
     part = f", {abs(mean / logged):.2g} of it" if abs(logged) > abs(mean) else ""
     return [
         f"the logged rate is {abs(mean):.2g} rad/s {'below' if mean > 0 else 'above'} the estimate"
-        f" on the whole{part}, {abs(mean) / std:.2g} of its errors: the scale factor, or the log, is"
-        " another"
+        f" on the whole{part}, {abs(mean) / std:.2g} of its errors: the scale factor, or the log,"
+        " is another"
     ]
 
 
