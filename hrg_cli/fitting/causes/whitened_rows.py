@@ -86,6 +86,71 @@ def flatten_own(series: MeasuredRuns, values: Array) -> Array:
     return rows if series.unsettled is None else series.unsettled.project_out_own(rows)
 
 
+def flatten_by_run(series: MeasuredRuns, values: Array) -> Array:
+    """The same of every run alone, all others at 0, off what is unsettled.
+
+    A run's part cannot be cut out of `flatten_rows`: what is unsettled of several runs together
+    takes of one run's part something off in the others.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+    values
+        (R, n, 4, K) over σ.
+
+    Returns
+    -------
+    ndarray
+        (N, R, K); their sum over R is `flatten_rows`.
+
+    Examples
+    --------
+    Two runs of one row, beside a mean of both that nobody knows:
+
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.designs import Basis
+    >>> from hrg_cli.fitting.causes.whitened_rows import flatten_by_run
+    >>> mean = Basis((), np.full((8, 1), 8**-0.5))
+    >>> series = SimpleNamespace(weight=np.ones((2, 1)), scatter=None, unsettled=mean)
+    >>> flatten_by_run(series, np.ones((2, 1, 4, 1)))[[0, 4], :, 0].round(9).tolist()
+    [[0.5, -0.5], [-0.5, 0.5]]
+    """
+    columns = flatten_own(series, values)
+    out = np.zeros((len(columns), len(series.weight), columns.shape[1]))
+    for k, rows in enumerate(split_rows(series)):
+        out[rows, k] = columns[rows]
+    if series.unsettled is None:
+        return out
+    return series.unsettled.project_out_shared(out.reshape(len(out), -1)).reshape(out.shape)
+
+
+def split_rows(series: MeasuredRuns) -> list[slice]:
+    """Which of the rows with weight, four values each, are whose.
+
+    Parameters
+    ----------
+    series
+        The runs, R of n rows.
+
+    Returns
+    -------
+    list of slice
+        R of them.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.causes.whitened_rows import split_rows
+    >>> split_rows(SimpleNamespace(weight=np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0]])))
+    [slice(0, 8, None), slice(8, 20, None)]
+    """
+    ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
+    return [slice(int(first), int(last)) for first, last in pairwise(ends)]
+
+
 def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
     """Values of the rows with weight, one after the other, whitened by what may scatter.
 
@@ -302,9 +367,7 @@ def compute_design(flow: Propagation, layout: FitColumns) -> Design:
         (e, v, _fitted_steps(e, v, series)) for e, v in point.active if layout.parameters(e.name)
     ]
     beside = [flatten_own(series, one) for one in find_effect_sensitivities(flow, wanted)]
-    ends = np.cumsum([0, *4 * np.count_nonzero(series.weight > 0, axis=1)])
-    rows = [slice(int(first), int(last)) for first, last in pairwise(ends)]
-    blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(rows))
+    blocks = tuple((one, layout.run(k), own[one]) for k, one in enumerate(split_rows(series)))
     return Design(
         np.concatenate([shared[:, list(layout.coordinates)], *beside], axis=1),
         layout.shared,

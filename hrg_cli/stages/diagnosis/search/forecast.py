@@ -43,6 +43,8 @@ TRAIN = 0.7
 """Part of every run that teaches where there are too few runs to hold whole ones out."""
 FEWEST_ROWS, BLOCKS, DRAWS = 40, 8, 400
 COURSE_POINTS = 60
+AT_REST = 1e-3
+"""Part of the fastest run's rate below which a run stands still."""
 UNTAUGHT = 3.0
 """Times its σ from all data beyond which a cause is not known from a part of them, so that what it
 predicts there says nothing of it."""
@@ -147,7 +149,7 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
     good = series.weight > 0
     runs = len(series.names)
     if runs >= FEWEST_RUNS:
-        halves = [np.arange(runs) % 2 == k for k in (0, 1)]
+        halves = [_pick_every_other(series) == k for k in (0, 1)]
         return [
             Fold(series.select_runs(np.flatnonzero(~half).tolist()), good & half[:, None], True)
             for half in halves
@@ -163,6 +165,19 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
             False,
         )
     ]
+
+
+def _pick_every_other(series: MeasuredRuns) -> Array:
+    """0 or 1 of each run (R,), by turns among those that are driven, and turned, alike: a half
+    without a driven run, or with runs at rest alone, teaches nothing of what these show."""
+    good = series.weight > 0
+    driven = np.any(good & (series.forced > 0), axis=1)
+    fastest = np.max(np.abs(series.rate_rad_s), axis=1, where=good, initial=0.0)
+    turned = fastest > AT_REST * fastest.max()
+    order = np.lexsort((turned, driven))  # stable: of one kind as the runs stand
+    half = np.empty(len(order), int)
+    half[order] = np.arange(len(order)) % 2
+    return half
 
 
 def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
@@ -435,14 +450,12 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     fitted = max(1.0, final.chi2 / final.dof)
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
-            taught = extended_fit.fit(fold.train, fold.select_taught(final.point), final.freedom)
+            point = fold.select_taught(final.point)
+            # as `train` does: what the drive's log leaves unknown is judged anew
+            taught = settle_log(extended_fit.fit(fold.train, point, final.freedom))
             if taught.chi2 / taught.dof > WORSE_TAUGHT * fitted:
                 continue
-            ratio = [
-                taught.parameter_std(name, p) / max(final.parameter_std(name, p), 1e-300)
-                for p in final.layout.parameters(name)
-            ]
-            if not ratio or max(ratio) > UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0):
+            if not _knows(taught, final, name, UNTAUGHT * (np.sqrt(2) if fold.whole_runs else 1.0)):
                 continue
             reduced = leave_out(taught, name)
             if reduced is None:
@@ -456,6 +469,16 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             if known and np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
     return with_it > without_it + WORTH
+
+
+def _knows(taught: ExtendedFit, final: ExtendedFit, name: str, least: float) -> bool:
+    """Whether a training knows all of a cause's parameters, to `least` times the σ of all data; a
+    σ of 0 is that of what it does not see."""
+    stds = [
+        (taught.parameter_std(name, p), final.parameter_std(name, p))
+        for p in final.layout.parameters(name)
+    ]
+    return bool(stds) and all(0 < one <= least * all_data for one, all_data in stds)
 
 
 def bootstrap_gain(

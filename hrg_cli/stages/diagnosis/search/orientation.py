@@ -14,16 +14,22 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.sensitivities import find_effect_sensitivities
+from ....fitting.causes.whitened_rows import flatten_by_run
 from ....fitting.least_squares import invert_information, square_over_covariance
 from ..fits.refits import compute_bic, leave_out
 from ..fits.scoring import compute_worth, score_effects
 from ..fits.variants import Variant
 from ..thresholds import WORTH
+from .inquiry import STATED
 from .search_case import Case
+from .selection import find_best_step
 
 Array = np.ndarray
 CLEARLY = 30.0
 """χ² that turned signs must gain, beyond the choice among 2^(R − 1) of them."""
+LARGER = 2
+"""Larger causes beside which the signs are looked for, where nothing is plain without them."""
 
 
 def orient_runs(
@@ -58,23 +64,45 @@ def orient_runs(
     coherent = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not coherent:
         return base
+    beside = base
+    for left in range(LARGER, -1, -1):
+        signs, promised = _choose_signs(beside, coherent)
+        if np.all(signs > 0):
+            return base
+        ranked = score_effects(beside, candidates)
+        others = [compute_worth(s, v, beside) for s, v in ranked if s.visible]
+        if promised + margin >= max(others, default=-np.inf):
+            return _turn_phases(base, signs)
+        # what is larger is taken in first: beside it the signs may be plain
+        step = find_best_step(beside, ranked, STATED) if left else None
+        if step is None or step[1].variant.effect.coherent:
+            return base
+        beside = step[0]
+    return base
+
+
+def _choose_signs(fit: ExtendedFit, coherent: Sequence[Variant]) -> tuple[Array, float]:
+    """The signs (R,) of the coherent vector that promises most when turned, and what it promises
+    (ΔBIC); all + where none clearly asks for others."""
+    runs = len(fit.series.names)
     # 2 ln of the 2^(R − 1) ways to choose: what the best of so many makes of noise
     price = 2 * (runs - 1) * float(np.log(2))
     best, signs = -np.inf, np.ones(runs)
-    for columns in base.find_sensitivities([variant.wanted for variant in coherent]):
-        turned = _turn_signs(columns, base, runs)
-        promised = evidence.find_bic_gain(turned.gain, columns.shape[1], len(base.residual)) - price
+    columns = find_effect_sensitivities(fit.flow, [variant.wanted for variant in coherent])
+    for by_run in (flatten_by_run(fit.series, one) for one in columns):
+        turned = _turn_signs(by_run, fit)
+        promised = evidence.find_bic_gain(turned.gain, by_run.shape[2], len(fit.residual)) - price
         # by what it promises with its price, so that of two coherent vectors the one with fewer
         # parameters gives the signs
         if turned.gain - turned.untouched > CLEARLY + price and promised > best:
             best, signs = promised, turned.signs
-    if np.all(signs > 0):
-        return base
-    others = (compute_worth(s, v, base) for s, v in score_effects(base, candidates) if s.visible)
-    if best + margin < max(others, default=-np.inf):
-        return base
-    phase_rad = base.series.phase_rad + np.pi * (signs < 0)[:, None]
-    return extended_fit.fit(replace(base.series, phase_rad=phase_rad), base.point, base.freedom)
+    return signs, best
+
+
+def _turn_phases(fit: ExtendedFit, signs: Array) -> ExtendedFit:
+    """The fit of the runs with those of sign − turned by π."""
+    phase_rad = fit.series.phase_rad + np.pi * (signs < 0)[:, None]
+    return extended_fit.fit(replace(fit.series, phase_rad=phase_rad), fit.point, fit.freedom)
 
 
 def settle_signs(
@@ -174,16 +202,12 @@ class SignedNormal:
     b: Array
 
     @classmethod
-    def from_columns(cls, base: ExtendedFit, columns: Array, runs: int) -> SignedNormal:
-        """Of columns (N, K) off what the base fit leaves free."""
-        count = columns.shape[1]
-        size = np.linalg.norm(columns, axis=0)
+    def from_columns(cls, base: ExtendedFit, by_run: Array) -> SignedNormal:
+        """Of every run's columns (N, R, K) off what the base fit leaves free."""
+        _, runs, count = by_run.shape
+        size = np.sqrt(np.sum(by_run**2, axis=(0, 1)))
         size[size == 0] = 1.0
-        wide = np.zeros((len(columns), runs * count))
-        for k in range(runs):
-            mine = base.rows[:, 0] == k
-            wide[mine, k * count : (k + 1) * count] = columns[mine] / size
-        wide = base.basis.project_out(wide)
+        wide = base.basis.project_out((by_run / size).reshape(len(by_run), -1))
         A = (wide.T @ wide).reshape(runs, count, runs, count)
         return cls(A, (wide.T @ base.residual).reshape(runs, count))
 
@@ -224,13 +248,14 @@ class SignedNormal:
         return gain, signs
 
 
-def _turn_signs(columns: Array, base: ExtendedFit, runs: int) -> Turned:
-    """The best signs found for columns (N, K) whose sign each run may turn.
+def _turn_signs(by_run: Array, base: ExtendedFit) -> Turned:
+    """The best signs found for columns (N, R, K) of runs of which each may turn its sign.
 
     All 2^(R − 1) are too many to try, and one climb from all + may end where two runs would have to
     turn together; the runs' own vectors are the second start.
     """
-    normal = SignedNormal.from_columns(base, columns, runs)
+    runs = by_run.shape[1]
+    normal = SignedNormal.from_columns(base, by_run)
     untouched = normal.compute_gain(np.ones(runs))
     if normal.compute_gain_of_each() - untouched < CLEARLY:
         return Turned(untouched, untouched, np.ones(runs))

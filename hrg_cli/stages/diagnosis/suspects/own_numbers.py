@@ -12,7 +12,7 @@ from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_reals
-from ....fitting.causes.whitened_rows import flatten_rows
+from ....fitting.causes.whitened_rows import flatten_by_run, flatten_rows
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array
 from .readings import DAMPING, SCALE_FACTOR
@@ -47,11 +47,8 @@ def find_largest_gain(fit: ExtendedFit) -> float:
     shared, _ = find_base_sensitivities(fit.flow)
     own = shared[..., OWN], _predict_constant_rate(fit.flow), _predict_amplifiers(fit.flow)
     together = np.concatenate(own, axis=-1)
-    columns = flatten_rows(fit.series, together)
-    runs = fit.rows[:, 0]
-    alone = [
-        np.where(runs == k, column, 0.0)[:, None] for k in np.unique(runs) for column in columns.T
-    ]
+    by_run = flatten_by_run(fit.series, together)
+    alone = [column[:, None] for column in by_run.reshape(len(by_run), -1).T]
     names = [str(number) for number in range(len(alone))]
     found = evidence.score_candidates(names, fit.residual, alone, fit.basis)
     return max((one.gain for one in found if one.visible), default=0.0)
