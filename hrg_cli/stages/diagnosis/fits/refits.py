@@ -14,7 +14,7 @@ import numpy as np
 
 from ....effects.effect import INSTANT, Effect
 from ....fitting.causes import extended_fit, fit_point
-from ....fitting.causes.evidence import Score
+from ....fitting.causes.evidence import Score, price_numbers
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
@@ -308,16 +308,17 @@ def compute_bic(fit: ExtendedFit) -> float:
 
 
 def _saved(effect: Effect, fit: ExtendedFit) -> float:
-    """What of a cause's price ln N a parameter is not owed where some of its parameters at neutral,
-    the others fitted again, would do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a
-    choice among as many."""
+    """What of a cause's price ln N a parameter is not owed: several found together owe
+    less (`price_numbers`); less still where some of them at neutral, the others fitted again, would
+    do: χ² rises by aᵀC⁻¹a of those (Wald), and which of them is a choice among as many."""
     if len(fit.layout.parameters(effect.name)) < 2:
         return 0.0
     off, _ = fit.measure_distance(effect)
     columns = fit.layout.effect(effect.name)
     C = fit.covariance[columns, columns]
-    price = float(np.log(len(fit.residual)))
-    best = 0.0
+    rows = len(fit.residual)
+    price = float(np.log(rows))
+    best = len(off) * price - price_numbers(len(off), square_over_covariance(off, C), rows)
     for count in range(1, len(off)):
         tries = 2 * float(np.log(math.comb(len(off), count)))
         for idle in itertools.combinations(range(len(off)), count):

@@ -90,8 +90,8 @@ def list_promising_pairs(
     for i, k in itertools.combinations(range(len(seen)), 2):
         W, a = products[own[i], own[k]], along[own[i]]
         beside, rank = _find_fall(products[own[k], own[k]] - W.T @ W, along[own[k]] - W.T @ a)
-        gain = float(a @ a) + beside
-        promise = evidence.find_bic_gain(gain / slow, seen[i][0].rank + rank, len(fit.residual))
+        rows, gains = len(fit.residual), ((float(a @ a), seen[i][0].rank), (beside, rank))
+        promise = sum(evidence.find_bic_gain(gain / slow, count, rows) for gain, count in gains)
         both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
         found.append(Pair(promise, (both[0], both[1])))
     return sorted(found, key=lambda pair: -pair.promise)
