@@ -19,7 +19,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import compute_bic, leave_out, refit
 from ..fits.scoring import is_gross, score_effects
 from ..fits.variants import Variant
-from ..thresholds import WORTH
+from ..thresholds import FURTHER, WORTH
+from .gain import predicts_better
 
 TRIED = 3
 """Pairs refitted, those that promise most."""
@@ -95,6 +96,62 @@ def list_promising_pairs(
         both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
         found.append(Pair(promise, (both[0], both[1])))
     return sorted(found, key=lambda pair: -pair.promise)
+
+
+def find_hidden_pair(
+    fit: ExtendedFit, ranked: Sequence[Scored], slow: float = 1.0
+) -> tuple[ExtendedFit, tuple[Scored, Scored], tuple[str, ...]] | None:
+    """Two causes that are worth their price together where neither is alone: what one does away
+    from the other is then little beside what it does against it (a damping that grows with the
+    amplitude, and a friction that falls with it).
+
+    The second cause of two owes `FURTHER` besides, as does every one after the first.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants of causes beside it.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    tuple or None
+        The fit with both, their scores with their variants, and the causes of pairs that do as
+        well. None where no two are worth as much, or these predict what they have not seen no
+        better.
+
+    Examples
+    --------
+    One cause makes no pair:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.search.pairs import find_hidden_pair
+    >>> ranked = score_effects(draw_mismatched_fit(), draw_found_case().inquiry.candidates)
+    >>> find_hidden_pair(draw_mismatched_fit(), ranked) is None
+    True
+    """
+    least = WORTH + FURTHER
+    trials = []
+    for pair in list_promising_pairs(fit, ranked, slow)[:TRIED]:
+        if pair.promise < least:
+            break
+        both = fit_pair(fit, pair)
+        if both is not None:
+            trials.append((compute_bic(both[0]), *both))
+    trials.sort(key=lambda trial: trial[0])
+    if not trials or (compute_bic(fit) - trials[0][0]) / slow < least:
+        return None
+    level, best, chosen = trials[0]
+    if not predicts_better(fit, best):
+        return None
+    names = {score.name for score, _ in chosen}
+    close = [pair for other, _, pair in trials if other < level + WORTH * slow]
+    others = [score.name for pair in close for score, _ in pair if score.name not in names]
+    return best, chosen, tuple(dict.fromkeys(others))
 
 
 def _find_fall(power: Array, along: Array) -> tuple[float, int]:

@@ -33,7 +33,7 @@ from ..thresholds import GROSS, OUTDONE, SIGNIFICANT, TOGETHER, WORTH
 from . import stand_in
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
-from .pairs import TRIED, find_better_pair, fit_pair, list_promising_pairs
+from .pairs import TRIED, find_better_pair, find_hidden_pair, fit_pair, list_promising_pairs
 
 Array = np.ndarray
 GROSS_SHORTLIST = 10
@@ -184,16 +184,48 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
         higher = free_higher_orders(fit, ranked)
         if higher is not None:
             fit, ranked = higher, score_effects(higher, inquiry.candidates)
-        if len(found) >= inquiry.most:
-            break
-        step = find_best_step(fit, ranked, inquiry.noise)
+        step = _find_next(fit, ranked, inquiry, inquiry.most - len(found))
         if step is None:
             break
-        fit, one = step
-        fit = settle_log(loosen(fit))
-        found.append(one)
+        fit = settle_log(loosen(step[0]))
+        found += step[1]
         ranked = score_effects(fit, inquiry.candidates)
     return Selected(base, fit, found, ranked)
+
+
+def _find_next(
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], inquiry: Inquiry, most: int
+) -> tuple[ExtendedFit, list[Found]] | None:
+    """The next cause, or two that are worth their price together alone; None where nothing is."""
+    step = find_best_step(fit, ranked, inquiry.noise) if most > 0 else None
+    if step is not None:
+        return step[0], [step[1]]
+    # a misfit of any size has pairs that take some of it, and so has what runs may have walked
+    if most < 2 or is_gross(fit) or is_along_walk(fit):
+        return None
+    hidden = find_hidden_pair(fit, ranked, inquiry.noise.slow)
+    if hidden is None:
+        return None
+    trial, both, names = hidden
+    return trial, [
+        one.add_rivals(names) for one in _list_found(fit, trial, both, ranked, inquiry.noise)
+    ]
+
+
+def _list_found(
+    fit: ExtendedFit,
+    trial: ExtendedFit,
+    both: tuple[tuple[Score, Variant], tuple[Score, Variant]],
+    ranked: Sequence[tuple[Score, Variant]],
+    noise: NoiseLevel,
+) -> list[Found]:
+    """Two causes of a trial that came in together beside a fit."""
+    gain = (compute_bic(fit) - compute_bic(trial)) / noise.slow
+    tried = sum(score.visible for score, _ in ranked)
+    return [
+        Found(hold_unseen(variant, trial), score, tried**2 // 2, gain, ())
+        for score, variant in both
+    ]
 
 
 def _begin_with_two(
@@ -206,16 +238,11 @@ def _begin_with_two(
     what all do: nothing that follows makes up for it.
     """
     slow, best = inquiry.noise.slow, taken
-    tried = sum(score.visible for score, _ in ranked)
     for pair in list_promising_pairs(base, ranked, slow)[:TRIED]:
         both = fit_pair(base, pair)
         if both is None:
             continue
-        gain = (compute_bic(base) - compute_bic(both[0])) / slow
-        found = [
-            Found(hold_unseen(variant, both[0]), score, tried**2 // 2, gain, ())
-            for score, variant in both[1]
-        ]
+        found = _list_found(base, *both, ranked, inquiry.noise)
         fit = settle_log(loosen(both[0]))
         begun = Selected(taken.base, fit, found, score_effects(fit, inquiry.candidates))
         whole = _take_forward(begun, inquiry)
