@@ -26,6 +26,9 @@ class BaseValue(Estimated):
     sum_with: list[str] = Field(default=[])
     """Causes of the drive, and loops that act late (`loop_delay`), that these runs cannot tell from
     it: the value is the sum, and σ holds what they may add."""
+    doubted_for: list[str] = Field(default=[])
+    """Causes neither named nor excluded that may move it by more than these runs show it to; σ
+    holds by how much."""
 
 
 class Held(Shape):

@@ -91,4 +91,10 @@ def _say_unknown(values: Sequence[Mapping[str, Any]]) -> list[str]:
         for v in values
         if v.get("sum_with")
     ]
-    return assumed + sums
+    doubts = [
+        f"{v['name']}: σ holds what {' and '.join(v['doubted_for'])}, neither named nor excluded,"
+        " may move it by"
+        for v in values
+        if v.get("doubted_for")
+    ]
+    return assumed + sums + doubts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,10 @@ WRONG = 4.0
 
 
 def list_base_values(
-    sized: Sized, resonator: Resonator | None, of_forcers: Mapping[str, Array]
+    sized: Sized,
+    resonator: Resonator | None,
+    of_forcers: Mapping[str, Array],
+    of_unnamed: Mapping[str, Array],
 ) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
     them wrong.
@@ -40,6 +43,9 @@ def list_base_values(
         By how much causes of the drive that nothing excludes may move the coordinates
         (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move
         by more than these runs show it to says so: it is a sum.
+    of_unnamed
+        The same of causes that may be there unnamed (`estimate_moves_of_unnamed`); a parameter that
+        they may move so far is in doubt.
 
     Returns
     -------
@@ -51,7 +57,7 @@ def list_base_values(
     >>> from hrg_cli.stages.diagnosis.closing.sized import Sized
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
     >>> from hrg_cli.stages.diagnosis.report.base_values import list_base_values
-    >>> last = list_base_values(Sized.from_case(draw_case()), None, {})[-1]
+    >>> last = list_base_values(Sized.from_case(draw_case()), None, {}, {})[-1]
     >>> last["name"], round(last["value"], 2)
     ('scale_factor', 0.55)
     """
@@ -59,7 +65,8 @@ def list_base_values(
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     own = fit.coordinate_covariance() * sized.factor
     shown = np.sqrt(np.maximum(np.diag(slopes @ own @ slopes.T), 0))
-    stds = _stds_of_base(sized, numbers, slopes, own, of_forcers)
+    moves = [*of_forcers.values(), *of_unnamed.values()]
+    stds = _stds_of_base(sized, numbers, slopes, own, moves)
     frequency = float(np.mean(fit.frequency_hz))
     given = resonator.parameters() if resonator is not None else {}
     rows = zip(PARAMETERS, [frequency, *numbers], [_frequency_std(sized), *stds], strict=True)
@@ -73,8 +80,9 @@ def list_base_values(
         }
         if name == "scale_factor" and _is_assumed(fit):
             row |= {"std": max(abs(float(value)), float(std)), "assumed": True}
-        if place and (sum_with := _list_movers(slopes[place - 1], shown[place - 1], of_forcers)):
-            row["sum_with"] = sum_with
+        for key, movers in (("sum_with", of_forcers), ("doubted_for", of_unnamed)):
+            if place and (names := _list_movers(slopes[place - 1], shown[place - 1], movers)):
+                row[key] = names
         if name in given:
             believed, believed_std, _ = given[name]
             period = np.pi / fit.series.mode_number if name.endswith("axis_rad") else np.inf
@@ -84,13 +92,14 @@ def list_base_values(
 
 
 def _stds_of_base(
-    sized: Sized, numbers: Array, slopes: Array, own: Array, of_forcers: Mapping[str, Array]
+    sized: Sized, numbers: Array, slopes: Array, own: Array, moves: Sequence[Array]
 ) -> Array:
-    """σ (6,) of the generator's parameters: of the fit's coordinates with this covariance, and of
-    what the model leaves open, by how much the numbers move where it is made otherwise."""
+    """σ (6,) of the generator's parameters: of the fit's coordinates with this covariance and what
+    may move them (7, k), and of what the model leaves open, by how much the numbers move where it
+    is made otherwise."""
     p, mode_number = sized.fit.point.p, sized.fit.series.mode_number
-    for moves in of_forcers.values():
-        own = own + moves @ moves.T
+    for one in moves:
+        own = own + one @ one.T
     covariance = slopes @ own @ slopes.T
     widen_axes(covariance, own, p, mode_number)
     stds = np.sqrt(np.maximum(np.diag(covariance), 0))
@@ -135,10 +144,10 @@ def _wrap(difference: Any, period: float) -> Any:
     return (difference + period / 2) % period - period / 2
 
 
-def _list_movers(slopes: Array, shown: float, of_forcers: Mapping[str, Array]) -> list[str]:
+def _list_movers(slopes: Array, shown: float, movers: Mapping[str, Array]) -> list[str]:
     """Causes that may move a parameter, of these slopes against the coordinates (7,), by more than
     what these runs show it to."""
-    return [name for name, moves in of_forcers.items() if np.linalg.norm(slopes @ moves) > shown]
+    return [name for name, moves in movers.items() if np.linalg.norm(slopes @ moves) > shown]
 
 
 def _is_assumed(fit: ExtendedFit) -> bool:

@@ -16,6 +16,7 @@ from ....records import Resonator
 from ..closing.forcers import estimate_moves_of_forcers
 from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
+from ..closing.unnamed import estimate_moves_of_unnamed
 from ..fits.variants import Variant
 from ..search.gain import Gain, list_gain_figures
 from ..search.remainder import Remainder, Term
@@ -69,6 +70,7 @@ def report(
     """
     search = case.search
     by_name = {v.effect.name: v for v in case.inquiry.candidates}
+    of_forcers = estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final)
     return {
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
@@ -76,7 +78,12 @@ def report(
         "values": list_base_values(
             sized,
             resonator,
-            estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final),
+            of_forcers,
+            {
+                k: moves
+                for k, moves in estimate_moves_of_unnamed(case).items()
+                if k not in of_forcers
+            },
         ),
         "effects": [_effect(one, sized, by_name) for one in search.found],
         "after": _figures(search.final),

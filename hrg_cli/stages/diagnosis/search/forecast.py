@@ -52,7 +52,7 @@ WORSE_TAUGHT = 2.0
 """Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven
 runs what a log may have missed is said of all of them together, and a part of them is without
 it."""
-ASTRAY = 10.0
+ASTRAY = 4.0
 """Surprise a value held out, 1 where σ is right, from which a forecast is wrong by what nobody
 taught."""
 
@@ -144,7 +144,7 @@ def split_for_forecast(series: MeasuredRuns) -> list[Fold]:
     >>> from hrg_cli.stages.diagnosis.search.forecast import split_for_forecast
     >>> folds = split_for_forecast(draw_case_of_four().search.base.series)
     >>> [fold.test.sum(axis=1).tolist() for fold in folds]
-    [[50, 0, 50, 0], [0, 50, 0, 50]]
+    [[50, 50, 0, 0], [0, 0, 50, 50]]
     """
     good = series.weight > 0
     runs = len(series.names)

@@ -65,7 +65,8 @@ def case_of(free):
 def told(case):
     sized = Sized(case.search.final, case.search.final, 1.0)
     return {
-        row["name"]: row for row in list_base_values(sized, None, estimate_moves_of_forcers(case))
+        row["name"]: row
+        for row in list_base_values(sized, None, estimate_moves_of_forcers(case), {})
     }
 
 

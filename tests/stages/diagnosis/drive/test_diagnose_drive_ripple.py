@@ -214,7 +214,7 @@ def test_a_small_excess_of_all_forces_is_in_the_sigma_of_quiet_runs(monkeypatch)
     case = Case(Inquiry(candidates, 1), Search(fit, fit, (), last, last), None)
     true = dict(zip(OF_GENERATOR, coordinates.to_parameters(little, 2)[0], strict=True))
     told, alone = (
-        {row["name"]: row for row in list_base_values(Sized(fit, fit, 1.0), None, moves)[1:]}
+        {row["name"]: row for row in list_base_values(Sized(fit, fit, 1.0), None, moves, {})[1:]}
         for moves in (estimate_moves_of_forcers(case), {})
     )
     off = {name: row["value"] - true[name] for name, row in told.items()}

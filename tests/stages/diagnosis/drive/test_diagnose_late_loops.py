@@ -55,7 +55,7 @@ def sigmas(fit, delay_periods):
 
 def told(fit):
     """The scale factor as the report has it."""
-    rows = list_base_values(Sized(fit, fit, 1.0), None, estimate_moves_of_delay(fit))
+    rows = list_base_values(Sized(fit, fit, 1.0), None, estimate_moves_of_delay(fit), {})
     return next(row for row in rows if row["name"] == "scale_factor")
 
 

@@ -22,7 +22,7 @@ def test_what_a_rival_moves_is_in_every_sigma():
     told = [
         {
             row["name"]: row
-            for row in list_base_values(Sized(fit, fit, 1.0, in_place=near), None, {})
+            for row in list_base_values(Sized(fit, fit, 1.0, in_place=near), None, {}, {})
         }
         for near in ((), (rival,))
     ]
