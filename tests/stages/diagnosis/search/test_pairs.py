@@ -7,7 +7,7 @@ import pytest
 from diagnosis_programme import programme, verdict
 
 from hrg_cli.fitting.causes.designs import Design, factor_design
-from hrg_cli.fitting.causes.evidence import score_candidates
+from hrg_cli.fitting.causes.evidence import price_numbers, score_candidates
 from hrg_cli.stages.diagnosis.search.pairs import list_promising_pairs
 
 ROWS, KNOWN = 200, 4
@@ -34,12 +34,18 @@ def test_a_pair_promises_what_a_fit_of_both_takes_of_the_residual():
     )
     assert len(pairs) == 6
     for pair in pairs:
-        both = [names.index(score.name) for score, _ in pair.both]
-        design = np.column_stack([shared, *(columns[k] for k in both)])
-        left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
-        gain = residual @ residual - left @ left
-        rank = sum(columns[k].shape[1] for k in both)
-        assert pair.promise == pytest.approx(gain - rank * np.log(ROWS), abs=1e-8)
+        first, second = sorted(names.index(score.name) for score, _ in pair.both)
+        alone, both = (
+            residual @ residual - left @ left
+            for some in ((first,), (first, second))
+            for design in [np.column_stack([shared, *(columns[k] for k in some)])]
+            for left in [residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]]
+        )
+        prices = [
+            price_numbers(columns[k].shape[1], gain, ROWS)
+            for k, gain in ((first, alone), (second, both - alone))
+        ]
+        assert pair.promise == pytest.approx(both - sum(prices), abs=1e-8)
 
 
 @pytest.mark.parametrize("seed", (0, pytest.param(5, marks=pytest.mark.slow)))
@@ -71,3 +77,20 @@ def test_two_causes_that_a_third_outdoes_alone_are_both_found(seed):
             true = effects[cause["name"]].get(name)
             if true is not None and number["std"]:
                 assert abs(number["value"] - true) < 5 * number["std"]
+
+
+def test_two_causes_that_hide_one_another_are_both_found():
+    """A damping that grows with the amplitude and a friction that falls with it, 8 and 6 σ: beside a
+    constant damping each takes back most of what the other did, and alone neither is worth its
+    price ("adequate", the damping 33 of its σ off)."""
+    hidden = {"nonlinear_damping": {"damping_1_s": 1.5e-4}, "dry_friction": {"slope_1_s": 6e-5}}
+    table = programme(1, hidden, runs=4)
+    record, out = verdict(table)
+    assert record.verdict == "explained"
+    assert {e["name"] for e in out["effects"]} == set(hidden)
+    for effect in out["effects"]:
+        for name, true in hidden[effect["name"]].items():
+            found = effect["parameters"][name]
+            assert abs(found["value"] - true) < 4 * found["std"]
+    damping = next(row for row in out["values"] if row["name"] == "damping_rate_1_s")
+    assert abs(damping["value"] - table["device"]["damping_rate_1_s"]) < 4 * damping["std"]
