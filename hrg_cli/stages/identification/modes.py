@@ -8,7 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...errors import HrgError
 from ...fitting.envelopes import two_modes
+from ...fitting.envelopes.base_fit import fit_base_model
+from ...fitting.envelopes.coordinates import SCALE_FACTOR
 from ...fitting.envelopes.envelope_runs import EnvelopeRun, average_rows
 from .decay_modes import Seen, find_modes
 from .modes_verdict import judge_modes
@@ -18,6 +21,8 @@ Array = np.ndarray
 ROWS = 2000
 BETTER = 3.0
 """Factor by which two free modes must beat the resonator's χ² before its axes are given up."""
+AS_GOOD = 1.1
+"""Factor within which the χ² of a table that turns is that of two modes."""
 DEAD = 1e-6
 """Part of the signal's energy below which a channel carries none, if it is not within its noise
 anyway."""
@@ -186,8 +191,28 @@ def identify_free_modes(
         else (f"a resonator before an orthogonal pair of channels (χ²/dof {chi2_per_dof:.3g})")
     )
     spacing = float(np.median(np.diff(runs[0].time_s)))
-    return judge_modes(
+    verdict = judge_modes(
         [Seen(run, run, spacing, None, two)],
         f"two unrelated modes (χ²/dof {two.chi2_per_dof:.3g}) describe the run better than {than}:"
         " {what}, no axes",
     )
+    verdict.suspect += _tell_unlogged_rate(runs[0], two.chi2_per_dof)
+    return verdict
+
+
+def _tell_unlogged_rate(run: EnvelopeRun, chi2_per_dof: float) -> list[str]:
+    """That a resonator on a table that turns evenly, which no log says, describes a run as well as
+    what leaves this χ²."""
+    turning = replace(run, turn_rad=run.time_s - run.time_s[0])
+    try:
+        fit = fit_base_model([turning])
+    except HrgError:
+        return []
+    left = fit.chi2 / fit.dof
+    if not left < AS_GOOD * chi2_per_dof:
+        return []
+    return [
+        f"so would a resonator on a table that turns (χ²/dof {left:.3g}, KΩ ="
+        f" {fit.p[SCALE_FACTOR]:.4g} rad/s), and no rate is logged: give it (--rate-rad-s), or fit"
+        " it (--fit-rate)"
+    ]
