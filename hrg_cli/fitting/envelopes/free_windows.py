@@ -17,6 +17,8 @@ OFF_FRACTION = 1e-6
 """A drive below this part of its largest value is off."""
 DECAY_PIECES = 400
 MIN_WINDOW_ROWS = 3 * MIN_ROWS
+BESIDE = 3
+"""Rows beside a window from which the envelope's bend within it is taken."""
 
 
 def cut_free_windows(wave: Wave) -> list[Wave]:
@@ -42,7 +44,7 @@ def cut_free_windows(wave: Wave) -> list[Wave]:
 
     Examples
     --------
-    A drive that is off from 50 to 150 s; the row on either side of a switch holds both states:
+    A drive that is off from 50 to 150 s; the rows beside a switch hold both states:
 
     >>> from dataclasses import MISSING, fields
     >>> import numpy as np
@@ -55,7 +57,7 @@ def cut_free_windows(wave: Wave) -> list[Wave]:
     ... ))
     >>> (free,) = cut_free_windows(wave)
     >>> free.mode, float(free.time_s[0]), float(free.time_s[-1])
-    ('free', 51.0, 148.0)
+    ('free', 53.0, 146.0)
     """
     if wave.drive_main is None and wave.mode == "free":
         return [wave]
@@ -121,7 +123,7 @@ def split_driven_and_free(
     ... ))
     >>> driven, free = split_driven_and_free(wave, from_wave(wave))
     >>> [len(run) for run in driven], [len(run) for run in free]
-    ([120], [78])
+    ([120], [74])
     """
     try:
         windows = [(float(w.time_s[0]), float(w.time_s[-1])) for w in cut_free_windows(wave)]
@@ -138,7 +140,7 @@ def split_driven_and_free(
 
 
 def find_stretches(on: Array) -> list[tuple[int, int]]:
-    """The stretches of True, shortened by one row at a switch: its window holds both states.
+    """The stretches of True, shortened at a switch by the rows that hold something of both states.
 
     Parameters
     ----------
@@ -148,22 +150,22 @@ def find_stretches(on: Array) -> list[tuple[int, int]]:
     Returns
     -------
     list of tuple of int
-        (start, stop) of each that has more than two rows.
+        (start, stop) of each of which rows are left.
 
     Examples
     --------
     >>> import numpy as np
     >>> from hrg_cli.fitting.envelopes.free_windows import find_stretches
-    >>> on = np.array([True, True, True, False, True, True, True, True, False])
+    >>> on = np.repeat([True, False, True, False], [5, 1, 9, 1])
     >>> [(int(start), int(stop)) for start, stop in find_stretches(on)]
-    [(0, 2), (5, 7)]
+    [(0, 2), (9, 12)]
     """
     edge = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    return [
-        (int(a) + (a > 0), int(b) - (b < len(on)))
+    shed = [
+        (int(a) + BESIDE * (a > 0), int(b) - BESIDE * (b < len(on)))
         for a, b in zip(edge[::2], edge[1::2])
-        if b - a > 2
     ]
+    return [(start, stop) for start, stop in shed if stop > start]
 
 
 def find_decay(amplitude: Array, good: Array) -> Array:
