@@ -20,7 +20,7 @@ def find_aliases(frequency_hz: float, spacing_s: float) -> list[float]:
     Returns
     -------
     list of float
-        f − 1/T and f + 1/T [Hz].
+        f − 1/T, where that is a frequency, and f + 1/T [Hz].
 
     Examples
     --------
@@ -28,7 +28,8 @@ def find_aliases(frequency_hz: float, spacing_s: float) -> list[float]:
     >>> find_aliases(5000.0, 0.5)
     [4998.0, 5002.0]
     """
-    return [frequency_hz - 1 / spacing_s, frequency_hz + 1 / spacing_s]
+    beside = (frequency_hz - 1 / spacing_s, frequency_hz + 1 / spacing_s)
+    return [alias for alias in beside if alias > 0]
 
 
 def describe_aliases(modes: Sequence[dict[str, Any]], spacing_s: float) -> str:
@@ -53,7 +54,7 @@ def describe_aliases(modes: Sequence[dict[str, Any]], spacing_s: float) -> str:
     'windows every 0.5 s cannot tell 5000 Hz for 4998 or 5002 Hz:'
     """
     each = "; ".join(
-        f"{m['frequency_hz']:.8g} Hz for {m['aliases_hz'][0]:.8g} or {m['aliases_hz'][1]:.8g} Hz"
+        f"{m['frequency_hz']:.8g} Hz for {' or '.join(f'{a:.8g}' for a in m['aliases_hz'])} Hz"
         for m in modes
     )
     return (
