@@ -67,7 +67,8 @@ def test_a_stream_of_pieces_equals_the_whole(tables, run, monkeypatch):
     assert joined.rate_estimate_rad_s.sum() == pytest.approx(
         whole.rate_estimate_rad_s.sum(), rel=1e-6
     )
-    assert joined.angle_estimate_rad[-1] == pytest.approx(whole.angle_estimate_rad[-1], abs=1e-9)
+    # at a piece's ends the wave's bend is that beside them: a thousandth of the angle's noise
+    assert joined.angle_estimate_rad[-1] == pytest.approx(whole.angle_estimate_rad[-1], abs=1e-6)
 
 
 def test_without_a_rate_log_there_are_no_residuals(tables, run):

@@ -71,6 +71,8 @@ class AnglePath:
     bend_off_s: float = 0.0
     """Length of windows that stand for their middle, the bend within them taken off; 0: for their
     mean."""
+    curvature_rad_s2: Array | None = None
+    """θ̈ at the blocks (b,) of a part of a longer path; None: as its own angles bend."""
 
     def __len__(self) -> int:
         return len(self.time_s) - 1
@@ -128,15 +130,20 @@ class AnglePath:
         Δt apart, blurred over b, two blocks have the mean of angles ±Δt/2 away, of variance Δt²/4 +
         b²/12; w has Δt²/12 + b²/12. The mean of both is therefore too far along a bend, by
         θ̈Δt²/12: of a wave that its own drift bends (θ̈ ∝ D D') a part that would be a K of its own.
-        The second difference of speeds beside an increment knows nothing of its own noise.
+        The speeds of the increments beside one know nothing of its own noise.
         """
-        middle, count = self.average_neighbours(self.angle_rad), len(self)
-        if count < 3:
-            return middle
-        interval = self.interval_s
-        speed, at = np.diff(self.angle_rad) / interval, self.average_neighbours(self.time_s)
-        bend = (speed[2:] - speed[:-2]) / (at[2:] - at[:-2])
-        return np.asarray(middle - np.pad(bend, 1, mode="edge") * interval**2 / 12)
+        bend = self.average_neighbours(self._find_curvature()) * self.interval_s**2
+        return np.asarray(self.average_neighbours(self.angle_rad) - bend / 12)
+
+    def _find_curvature(self) -> Array:
+        """θ̈ at the blocks (b,), by their neighbours; at either end that beside it."""
+        if self.curvature_rad_s2 is not None:
+            return self.curvature_rad_s2
+        if len(self) < 2:
+            return np.zeros(len(self.time_s))
+        speed = np.diff(self.angle_rad) / self.interval_s
+        curvature = np.diff(speed) / np.diff(self.average_neighbours(self.time_s))
+        return np.pad(curvature, 1, mode="edge")
 
     def select_rows(self, rows: slice) -> AnglePath:
         """The path of the increments `rows` alone."""
@@ -145,13 +152,14 @@ class AnglePath:
         columns: dict[str, Any] = {
             name: v[blocks] for name, v in values.items() if isinstance(v, np.ndarray)
         }
+        columns["curvature_rad_s2"] = self._find_curvature()[blocks]
         return replace(self, **columns)
 
     def remove_jumps(self, half_turns: Array) -> AnglePath:
         """The path with (n,) half turns of mθ taken out of its increments."""
         angle = self.angle_rad.copy()
         angle[1:] -= np.cumsum(half_turns) * np.pi / self.mode_number
-        return replace(self, angle_rad=angle)
+        return replace(self, angle_rad=angle, curvature_rad_s2=None)
 
 
 def build_path(

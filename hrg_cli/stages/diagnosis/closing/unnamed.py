@@ -25,6 +25,8 @@ from ..search.search_case import Case
 from ..thresholds import FURTHER
 
 Array = np.ndarray
+CERTAIN = 100.0
+"""Logarithm of odds beyond which more of them says no more."""
 LIKELY = 1e-3
 """Odds against nothing at all from which a cause, or two, are looked at."""
 
@@ -82,7 +84,7 @@ def _list_likely(case: Case) -> Iterator[tuple[float, list[Score]]]:
         for pair in list_promising_pairs(fit, ranked, slow)
     )
     for worth, scores in (*alone, *together):
-        odds = float(np.exp((worth - len(scores) * FURTHER) / 2))
+        odds = float(np.exp(min((worth - len(scores) * FURTHER) / 2, CERTAIN)))
         if odds > LIKELY:
             yield odds, scores
 
