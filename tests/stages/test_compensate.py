@@ -67,7 +67,7 @@ def test_a_stream_of_pieces_equals_the_whole(tables, run, monkeypatch):
     assert joined.rate_estimate_rad_s.sum() == pytest.approx(
         whole.rate_estimate_rad_s.sum(), rel=1e-6
     )
-    # at a piece's ends the wave's bend is that beside them: a thousandth of the angle's noise
+    # at a piece's ends the wave's bend is that beside them: a tenth of an angle's noise
     assert joined.angle_estimate_rad[-1] == pytest.approx(whole.angle_estimate_rad[-1], abs=1e-6)
 
 
