@@ -269,10 +269,12 @@ def _diagnosed(asked: Asked) -> Diagnosis:
 
 @dataclass(frozen=True)
 class ClosedCase:
-    """The final result and what judged it: the case, the tones taken out before it, the fit whose
-    numbers are told, what the samples show, the model as written and as simulated, the closing
+    """The final result and what judged it: the case, as the search left it and without the causes
+    that it gives up, the tones taken out before it, the fit whose numbers are told, what the
+    samples show, the model as written and as simulated, the closing
     checks and those that failed in words, and a mistake of one run that may have made it all."""
 
+    searched: Case
     case: Case
     tones: Sequence[Tone]
     sized: Sized
@@ -288,7 +290,8 @@ def _judge(
     asked: Asked, cut: Cut, case: Case, pieces: Sequence[Wave], tones: Sequence[Tone]
 ) -> ClosedCase:
     """The case held against the samples, against its own simulation, and by the closing checks."""
-    case, sized = give_up_unsized(case)
+    searched = case
+    case, sized = give_up_unsized(searched)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
     closing = make_closing_checks(
@@ -301,7 +304,9 @@ def _judge(
     mistake = suspect_quiet_run(
         asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
     )
-    return ClosedCase(case, tones, sized, samples, model, written, closing, failed, mistake)
+    return ClosedCase(
+        searched, case, tones, sized, samples, model, written, closing, failed, mistake
+    )
 
 
 def _report_result(
@@ -309,7 +314,9 @@ def _report_result(
 ) -> dict[str, Any]:
     """The report of a result: what the causes are, gain and leave, and every check of it."""
     case, samples, written = result.case, result.samples, result.written
-    ahead = forecast(case, asked.waves[0].units)
+    # what is chosen inside each fold is not what is named at the end: where all of it is given up,
+    # whether choosing predicts better is a question all the same
+    ahead = forecast(result.searched, asked.waves[0].units)
     untouched = _untouched(case, cut) if cut.steps or result.tones else case.search.base
     gain = predict_held_out(untouched, case.search.final, cut.own, cut.origin)
     report = report_of(verdict, case, result.sized, gain, asked.resonator, untouched)
