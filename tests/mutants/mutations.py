@@ -242,8 +242,9 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/causes/evidence.py": (
         "tests/fitting/causes/test_evidence.py tests/stages/diagnosis/search/test_gain.py",
         (
-            ("return gain - rank * float(np.log(rows))", "return gain - float(np.log(rows))"),
-            ("return gain - rank * float(np.log(rows))", "return gain - 2 * rank"),
+            ("return each + min(by_chance, (count - 1) * each)", "return each"),
+            ("return each + min(by_chance, (count - 1) * each)", "return count * each"),
+            ("each = float(np.log(rows))", "each = 2.0"),
         ),
     ),
     "fitting/causes/left_out_folds.py": (

@@ -1,10 +1,12 @@
 """The evidence engine on plain linear models: scores, blindness, groups, selection statistics,
 held-out errors."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from hrg_cli.fitting import least_squares
 from hrg_cli.fitting.causes import designs, evidence, left_out_folds
@@ -291,6 +293,15 @@ def test_the_price_is_that_of_every_parameter():
             twice_ln_odds = (X.T @ r) @ np.linalg.solve(M, X.T @ r) - np.linalg.slogdet(M)[1]
             grown.append(evidence.find_bic_gain(gain, m, rows) - twice_ln_odds)
         assert grown[1] == pytest.approx(grown[0], abs=1.0)  # a forgotten ln N would be 6.9
+
+
+def test_several_numbers_cost_what_makes_one_as_improbable():
+    """2 ln of the ratio of the tails of χ²_q and χ²_1, but for a part of 1/z²; of few rows no more
+    than ln N each."""
+    for q, size in itertools.product((2, 3, 4, 6), (25.0, 36.0, 100.0)):
+        more = evidence.price_numbers(q, size, 10_000) - evidence.price_numbers(1, size, 10_000)
+        assert more == pytest.approx(2 * np.log(chi2.sf(size, q) / chi2.sf(size, 1)), abs=0.8)
+        assert evidence.price_numbers(q, size, 8) == pytest.approx(q * np.log(8))
 
 
 def test_a_useless_column_does_not_pay_its_price():
