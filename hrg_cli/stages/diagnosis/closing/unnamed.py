@@ -20,7 +20,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COUNT
 from ....fitting.least_squares import invert_information
 from ..fits.scoring import compute_worth, is_gross, score_effects
-from ..search.pairs import list_promising_pairs
+from ..search.pairs import recall_pairs
 from ..search.search_case import Case
 from ..thresholds import FURTHER
 
@@ -73,15 +73,11 @@ def _list_likely(case: Case) -> Iterator[tuple[float, list[Score]]]:
 
     What happens at an instant moves what follows it alone, and is left out."""
     fit, slow = case.search.final, case.inquiry.noise.slow
-    ranked = [
-        pair
-        for pair in score_effects(fit, case.inquiry.candidates)
-        if pair[0].visible and not pair[1].effect.of_one_run
-    ]
+    every = score_effects(fit, case.inquiry.candidates)
+    ranked = [pair for pair in every if pair[0].visible and not pair[1].effect.of_one_run]
     alone = ((compute_worth(score, one, fit, slow), [score]) for score, one in ranked)
     together = (
-        (pair.promise, [score for score, _ in pair.both])
-        for pair in list_promising_pairs(fit, ranked, slow)
+        (pair.promise, [score for score, _ in pair.both]) for pair in recall_pairs(fit, every, slow)
     )
     for worth, scores in (*alone, *together):
         odds = float(np.exp(min((worth - len(scores) * FURTHER) / 2, CERTAIN)))

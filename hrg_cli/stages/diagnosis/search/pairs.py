@@ -83,8 +83,7 @@ def list_promising_pairs(
     seen = [(score, one) for score, one in ranked if score.visible and not one.effect.of_one_run]
     if len(seen) < 2:
         return []
-    Q = np.concatenate([score.space for score, _ in seen], axis=1)
-    products, along = Q.T @ Q, Q.T @ fit.residual
+    products, along = _multiply_spaces([score for score, _ in seen], fit.residual)
     ends = np.cumsum([0, *(score.rank for score, _ in seen)])
     own = [slice(start, end) for start, end in itertools.pairwise(ends.tolist())]
     found = []
@@ -96,6 +95,48 @@ def list_promising_pairs(
         both = sorted((seen[i], seen[k]), key=lambda pair: -pair[0].gain)
         found.append(Pair(promise, (both[0], both[1])))
     return sorted(found, key=lambda pair: -pair.promise)
+
+
+def recall_pairs(fit: ExtendedFit, ranked: Sequence[Scored], slow: float) -> list[Pair]:
+    """`list_promising_pairs`, remembered beside the fit.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    ranked
+        Scores and variants of causes beside it.
+    slow
+        Variance of the noise over the stated one.
+
+    Returns
+    -------
+    list of Pair
+        Of each two visible causes.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.fits.scoring import score_effects
+    >>> from hrg_cli.stages.diagnosis.search.pairs import recall_pairs
+    >>> ranked = score_effects(draw_mismatched_fit(), draw_found_case().inquiry.candidates)
+    >>> recall_pairs(draw_mismatched_fit(), ranked, 1.0)
+    []
+    """
+    names = frozenset(score.name for score, _ in ranked)
+    pairs: list[Pair] = fit.recall(
+        ("pairs", slow, names), lambda: list_promising_pairs(fit, ranked, slow)
+    )
+    return pairs
+
+
+def _multiply_spaces(scores: Sequence[Score], residual: Array) -> tuple[Array, Array]:
+    """QᵀQ and Qᵀr of the scores' spaces Q (N, k) side by side: with S their columns before the part
+    along the basis is taken off and B that part, SᵀS − BᵀB."""
+    basis = scores[0].basis
+    S = np.concatenate([one.columns @ one.directions for one in scores], axis=1)
+    B = basis.project(S)
+    return S.T @ S - B.T @ B, S.T @ residual - B.T @ basis.project(residual)
 
 
 def find_hidden_pair(
@@ -136,7 +177,7 @@ def find_hidden_pair(
     """
     least = WORTH + FURTHER
     trials = []
-    for pair in list_promising_pairs(fit, ranked, slow)[:TRIED]:
+    for pair in recall_pairs(fit, ranked, slow)[:TRIED]:
         if pair.promise < least:
             break
         both = fit_pair(fit, pair)
