@@ -271,8 +271,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
 class ClosedCase:
     """The final result and what judged it: the case, as the search left it and without the causes
     that it gives up, the tones taken out before it, the fit whose numbers are told, what the
-    samples show, the model as written and as simulated, the closing
-    checks and those that failed in words, and a mistake of one run that may have made it all."""
+    samples show, the model as written and as simulated, the closing checks and those that failed in
+    words, and a mistake of one run that may have made it all."""
 
     searched: Case
     case: Case

@@ -49,7 +49,8 @@ def test_a_shift_of_one_sigma_costs_one(quiet):
     for k in range(LAYOUT.size):
         along = covariance[:, k] / np.sqrt(covariance[k, k])
         rise = quiet.pieces.compute_chi_square(found + along) - least
-        # at this noise the sweeps over the runs' walks end a hundredth of σ from the least
+        # σ of K is 1e-11 of it: Xᵀy of whole coefficients, as it is solved, is rounded to a
+        # hundredth of σ where the runs' weights differ by 1e4
         assert rise == pytest.approx(1.0, rel=5e-2)
 
 

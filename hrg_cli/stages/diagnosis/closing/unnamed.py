@@ -17,12 +17,12 @@ import numpy as np
 
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.coordinates import COUNT
 from ....fitting.least_squares import invert_information
 from ..fits.scoring import compute_worth, is_gross, score_effects
 from ..search.pairs import recall_pairs
 from ..search.search_case import Case
 from ..thresholds import FURTHER
+from .forcers import move_coordinates
 
 Array = np.ndarray
 CERTAIN = 100.0
@@ -92,8 +92,4 @@ def _move_by(fit: ExtendedFit, scores: list[Score]) -> Array:
     S = S / np.where(size > 0, size, 1.0)
     free = fit.basis.project_out(fit.basis.project_out(S))
     estimate = invert_information(free.T @ free) @ (free.T @ fit.residual)
-    out = np.zeros(COUNT)
-    columns = list(fit.layout.coordinates)
-    along = fit.design.multiply_transposed(S @ estimate)
-    out[columns] = (fit.covariance @ along)[: len(columns)]
-    return out
+    return move_coordinates(fit, S @ estimate)

@@ -64,8 +64,8 @@ def orient_runs(
     coherent = [variant for variant in candidates if variant.effect.coherent]
     if runs < 2 or not coherent:
         return base
-    beside = base
-    for left in range(LARGER, -1, -1):
+    beside, left = base, LARGER
+    while True:
         signs, promised = _choose_signs(beside, coherent)
         if np.all(signs > 0):
             return base
@@ -77,8 +77,7 @@ def orient_runs(
         step = find_best_step(beside, ranked, STATED) if left else None
         if step is None or step[1].variant.effect.coherent:
             return base
-        beside = step[0]
-    return base
+        beside, left = step[0], left - 1
 
 
 def _choose_signs(fit: ExtendedFit, coherent: Sequence[Variant]) -> tuple[Array, float]:
