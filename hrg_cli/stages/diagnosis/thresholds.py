@@ -90,3 +90,112 @@ allows."""
 WHOLE = 2e-3
 """Distance from a whole number of samples that a loss may have where sampling is even, beside four
 of its σ."""
+
+# What is left between runs, and the form of a term.
+
+BESIDE_NOISE = 1e-2
+"""Chance of a false alarm, corrected for the number tried, of what the runs' frequencies follow
+where what it leaves of their scatter is their own noise."""
+EXCLUDED = 4.0
+"""σ by which the runs must exclude the size that the offsets' scatter asks for."""
+FORBIDDEN_DAMPING = 2.0
+"""σ by which the linear damping must be beyond the passive bound to count as forbidden."""
+ANOTHER_POWER = 4.0
+"""σ by which a fitted power must differ from the catalogue's."""
+READOUT_BETTER = 0.03
+"""Part of its gain in χ² by which a term of the read-out may do better than the same of the motion
+that is named in its place."""
+SIGNS_TURNED = 30.0
+"""χ² that turned signs must gain, beyond the choice among 2^(R − 1) of them."""
+WRONG_VALUE = 4.0
+"""σ from which a value of the base that was believed beforehand counts as wrong."""
+
+# What was held out.
+
+UNTAUGHT = 3.0
+"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it
+predicts there says nothing of it."""
+WORSE_TAUGHT = 2.0
+"""Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven
+runs what a log may have missed is said of all of them together, and a part of them is without
+it."""
+ASTRAY = 4.0
+"""Surprise a value held out, 1 where σ is right, from which a forecast is wrong by what nobody
+taught."""
+SHOWN_AS_SUM = 3.0
+"""Times what runs show a coordinate to by which the doubt in a cause moves it, from which they show
+their sum rather than the coordinate."""
+
+# A wrong run.
+
+ONE_MORE_RUN = 1.4
+"""Times by which χ² must fall for one more run to be doubted, or for runs that warm up."""
+PHYSICS_RIVAL = 3.0
+"""χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake:
+then no run is blamed."""
+UNLIKE_RIVAL = 10.0
+"""The same beside a run of which no mistake is found: with all of its motion its own something must
+fall."""
+FREQUENCY_RIVAL = 1.05
+"""Times by which causes of the catalogue must leave less than a run of strange frequency,
+undone."""
+AS_GOOD_WITHOUT = 3.0
+"""Times χ² per degree of freedom of the best runs without one, up to which leaving out another is
+as good."""
+MISTAKES_REMOVE = 0.9
+"""Part of the excess of χ² that the mistakes undone must remove together."""
+MISTAKE_PRICE = 20.0
+"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
+with less."""
+UNUSUAL_SCALE_FACTOR = 1e3
+"""Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
+INSTEAD_OF_CAUSES = 0.9
+"""Part of what causes take of χ² that a number of one run's own must promise to be held against
+them."""
+SURE_LATENESS = 6.0
+"""Standard deviations, of the misfit that is left, from which a lateness is told."""
+LEAK_PARTS = 0.5
+"""Part of the dampings' range that a gap among them fills where one leak parts the runs in two."""
+SURE_LEAK = 5.0
+"""Standard deviations by which a damping must stand off the least, where no gap parts the runs."""
+SURE_OF_K = 5.0
+"""σ from which K is known; σ of a misfit counts."""
+USUAL_RANGE = 2.5
+"""Times above and below its usual value that a scale factor may be."""
+SURE_ROTATION = 3.0
+"""σ from which a run's rate is known from its wave."""
+ANOTHER_PLACE = 3.0
+"""Standard deviations of a smoothed course of temperature by which the log of a thermometer in
+another place must differ from it."""
+PLAUSIBLE_DEGC = 200.0
+"""Distance from the other runs' temperatures that a run may have had."""
+THINKABLE_LATENESS = 4.0
+"""Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
+CONTRADICTION = 1e3
+"""χ² per degree of freedom from which it is asked whether the runs are of one gyro."""
+
+# The waveform and the samples.
+
+LINE_RATIO = 8.0
+"""Power of a line over the floor from which it counts, in a good part of the runs."""
+BY_CHANCE = 1e-6
+"""Chance at which so many lines may meet odd multiples of the oscillation, or the odd windows of a
+programme be just those of the largest signal."""
+ODD_WINDOW = 1.9
+"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of
+four samples beside those of five by half, and one that keeps its own noise has twice theirs or
+more."""
+FOLLOWS_WAVE = 9.0
+"""Δχ² by which a line's size must follow the wave's better than stay the same to be the wave's
+own."""
+JUMP_SIGMA = 8.0
+"""σ from which a jump is one: 1e-15 a row of white noise, and room for what is not white."""
+SMALLER_BY_CHANCE = 3.0
+"""σ by which a cause may be smaller than it came out."""
+UNHEARD = 2.0
+"""Times the power in the samples that the least of a cause must make to be excluded."""
+UNCLIPPED = 1.02
+"""Largest amplitude that was not clipped, over the least that was in another run, from which the
+two have no level in common."""
+WHOLE_SIGMA = 4.0
+"""Standard deviations within which a time is one of whole samples."""

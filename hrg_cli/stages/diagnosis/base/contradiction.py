@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ...one_gyro import find_two_gyros
-
-GROSS = 1e3
-"""χ² per degree of freedom from which it is asked whether the runs are of one gyro."""
+from ..thresholds import CONTRADICTION
 
 
 def find_strangers(base: ExtendedFit) -> str | None:
@@ -29,7 +27,7 @@ def find_strangers(base: ExtendedFit) -> str | None:
     >>> find_strangers(draw_fit()) is None
     True
     """
-    if base.chi2 / base.dof < GROSS:
+    if base.chi2 / base.dof < CONTRADICTION:
         return None
     two = find_two_gyros(base.series.names, base.frequency_hz)
     return two and (

@@ -14,7 +14,7 @@ coordinates by C Jᵀ S p.
 One that would be named at its typical size may be there at a smaller one, and where the runs hardly
 tell it from a coordinate that is enough: quiet driven runs know a frequency split to 4e-5 of it,
 and a common excess of the forces, which is as much of it, to 1e-3. It counts where Σ moves a
-coordinate by more than `SUM` times what the runs show that to.
+coordinate by more than `SHOWN_AS_SUM` times what the runs show that to.
 """
 
 from __future__ import annotations
@@ -26,12 +26,9 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COUNT
 from ..fits.variants import Variant
 from ..search.search_case import Case
-from ..thresholds import WORTH
+from ..thresholds import SHOWN_AS_SUM, WORTH
 
 Array = np.ndarray
-SUM = 3.0
-"""Times what runs show a coordinate to by which the doubt in a cause moves it, from which they show
-their sum rather than the coordinate."""
 
 
 def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
@@ -79,7 +76,7 @@ def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     unnoticed = _move_by_doubt(fit, S[:, hidden], free[:, hidden], misfit)
     small = _move_by_doubt(fit, S[:, ~hidden], free[:, ~hidden], misfit)
     shown = np.sqrt(np.diag(fit.coordinate_covariance()))
-    matters = np.any(np.linalg.norm(small[:, :-1], axis=1) > SUM * shown)
+    matters = np.any(np.linalg.norm(small[:, :-1], axis=1) > SHOWN_AS_SUM * shown)
     return np.concatenate([unnoticed, small], axis=1) if matters else unnoticed
 
 

@@ -21,7 +21,7 @@ from ....fitting.causes.wave_frame import to_reals
 from ....fitting.samples.course import average_over_windows, integrate_means
 from ....records import Wave
 from ..fits.refits import HOPELESS
-from ..thresholds import GROSS
+from ..thresholds import GROSS, THINKABLE_LATENESS
 from .scatter import Scatter, find_row_length_s, has_log
 
 Array = np.ndarray
@@ -31,8 +31,6 @@ ROUNDS = 4
 REACH = 0.5
 """Standard deviation of τ beforehand, in the shortest run's row length: what is later than a row
 would have been seen as such."""
-THINKABLE = 4.0
-"""Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
 SETTLED = 0.03
 """Part of its standard deviation by which τ may still move."""
 CLEAR = 3.0
@@ -110,7 +108,7 @@ def is_thinkable(fit: ExtendedFit) -> bool:
     True
     """
     late, usual = abs(fit.series.drive_late_s), REACH * find_row_length_s(fit.series)
-    return late <= THINKABLE * usual or fit.is_adequate
+    return late <= THINKABLE_LATENESS * usual or fit.is_adequate
 
 
 def _is_beside_the_point(fit: ExtendedFit, column: Array) -> bool:

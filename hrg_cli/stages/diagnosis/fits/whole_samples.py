@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..thresholds import WHOLE
+from ..thresholds import WHOLE, WHOLE_SIGMA
 
 Array = np.ndarray
-AGREES = 4.0
-"""Standard deviations within which a time is one of whole samples."""
 
 
 def count_whole(time_s: Array, std_s: Array | float, step_s: float) -> tuple[Array, Array]:
@@ -38,4 +36,4 @@ def count_whole(time_s: Array, std_s: Array | float, step_s: float) -> tuple[Arr
     """
     samples = time_s / step_s
     whole = np.round(samples)
-    return whole, (whole != 0) & (np.abs(samples - whole) < AGREES * std_s / step_s + WHOLE)
+    return whole, (whole != 0) & (np.abs(samples - whole) < WHOLE_SIGMA * std_s / step_s + WHOLE)

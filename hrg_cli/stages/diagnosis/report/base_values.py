@@ -13,6 +13,7 @@ from ....fitting.envelopes.inference import widen_axes
 from ....physics.resonator import PARAMETERS
 from ....records import Resonator
 from ..closing.sized import Sized
+from ..thresholds import WRONG_VALUE
 
 Array = np.ndarray
 AXES = [2, 4]
@@ -20,8 +21,6 @@ AXES = [2, 4]
 TOLD = 0.7
 """Part of its prior's σ that a number keeps where the data tell nothing of it: they hold no more
 than the prior does."""
-WRONG = 4.0
-"""σ from which a base value counts as wrong."""
 
 
 def list_base_values(
@@ -136,7 +135,7 @@ def _compare_with_belief(
         difference = float(_wrap(difference, period))
     both = float(np.hypot(std, believed_std if np.isfinite(believed_std) else 0.0))
     sigma = difference / both if both > 0 else 0.0
-    return {"believed": believed, "sigma": sigma, "wrong": abs(sigma) > WRONG}
+    return {"believed": believed, "sigma": sigma, "wrong": abs(sigma) > WRONG_VALUE}
 
 
 def _wrap(difference: Any, period: float) -> Any:

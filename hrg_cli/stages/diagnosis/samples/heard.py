@@ -18,6 +18,7 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.looks import LOOKS
 from ....physics.plant import Readout, Samples
 from ....records import Array, Wave
+from ..thresholds import SMALLER_BY_CHANCE, UNHEARD
 from .lines import WANDER, WIDTH_CELLS, find_cell_hz, find_median_frequency
 
 ORDERS = (3, 5, 7)
@@ -25,10 +26,6 @@ ORDERS = (3, 5, 7)
 INSIDE = 0.9
 """Part of the spectrum's width up to which a multiple is heard: beyond it the sampling folds it,
 and a filter may have taken it away."""
-SURE = 3.0
-"""σ by which a cause may be smaller than it came out."""
-EXCEEDS = 2.0
-"""Times the power in the samples that the least of a cause must make to be excluded."""
 POINTS, LEVELS, NODES = 256, 24, 16
 """Points of a period, amplitudes (and as many near the largest), and values of the noise at which a
 curve is drawn."""
@@ -71,12 +68,14 @@ def find_unheard(fit: ExtendedFit, waves: Sequence[Wave]) -> list[str]:
 def _find_least_values(
     effect: Effect, values: Mapping[str, float], fit: ExtendedFit
 ) -> dict[str, float]:
-    """The values nearest to neutral that are within `SURE` σ of the fitted ones."""
+    """The values nearest to neutral that are within `SMALLER_BY_CHANCE` σ of the fitted ones."""
     out = dict(values)
     neutral = {p.name: p.neutral for p in effect.parameters}
     for name in fit.layout.parameters(effect.name):
         off, std = values[name] - neutral[name], fit.parameter_std(effect.name, name)
-        out[name] = neutral[name] + float(np.sign(off)) * max(abs(off) - SURE * std, 0.0)
+        out[name] = neutral[name] + float(np.sign(off)) * max(
+            abs(off) - SMALLER_BY_CHANCE * std, 0.0
+        )
     return out
 
 
@@ -124,7 +123,7 @@ def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wav
             near = np.abs(grid - order * frequency) < width + cell
             if order * frequency > INSIDE * grid[-1] or not near.any():
                 continue
-            if np.any(power > EXCEEDS * density[near].sum(axis=0) * cell):
+            if np.any(power > UNHEARD * density[near].sum(axis=0) * cell):
                 return True
     return False
 

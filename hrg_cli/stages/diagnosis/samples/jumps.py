@@ -17,9 +17,8 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes, integrate_rat
 from ....fitting.least_squares import fit_columns, invert_scaled
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
+from ..thresholds import JUMP_SIGMA
 
-JUMP_SIGMA = 8.0
-"""σ from which a jump is one: 1e-15 a row of white noise, and room for what is not white."""
 NEIGHBOURS = 12
 TOUCHED = 6
 """Windows on either side of a jump whose demodulation used the other side's slope."""
@@ -47,8 +46,6 @@ BENT = 0.25
 AT_ONCE = 0.5
 """Part of a jump that the rows next to it must show: a bend that the two sides do not follow looks
 like a step between them, and is none there."""
-ALIKE = 8.0
-"""σ that what is left beside a common turn may have."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +74,13 @@ class EnvelopeJump:
         """Whether both channels turned alike and did nothing else."""
         return (
             abs(self.turn_rad) > JUMP_SIGMA * self.turn_std_rad
-            and float(np.abs(self.rest).max()) <= ALIKE * self.rest_std
+            and float(np.abs(self.rest).max()) <= JUMP_SIGMA * self.rest_std
         )
 
     @property
     def knock(self) -> bool:
         """Whether the wave was changed in another way."""
-        return float(np.abs(self.rest).max()) > max(ALIKE, JUMP_SIGMA) * self.rest_std
+        return float(np.abs(self.rest).max()) > JUMP_SIGMA * self.rest_std
 
 
 def find_jumps(wave: Wave) -> list[EnvelopeJump]:

@@ -19,9 +19,8 @@ from ....errors import name_some
 from ....fitting.samples.frequency import fold
 from ....records import Array, Wave
 from ..base.data import is_mostly_rounding
+from ..thresholds import BY_CHANCE, FOLLOWS_WAVE, LINE_RATIO
 
-LINE_RATIO = 8.0
-"""Power of a line over the floor from which it counts, in a good part of the runs."""
 WIDTH_CELLS = 1.5
 """Cells of the spectrum within which two lines are one."""
 WANDER = 1e-4
@@ -30,16 +29,14 @@ HARMONICS = 25
 """Highest multiple of the oscillation that is looked for on its own."""
 ORDERS = (25, 51, 101, 201, 401)
 """Highest odd orders that a converter's harmonics are looked for to."""
-FEWEST_SPURS, BY_CHANCE = 4, 1e-6
-"""Odd harmonics from which a converter is thought of, and the chance at which so many lines may
-meet odd multiples."""
+FEWEST_SPURS = 4
+"""Odd harmonics from which a converter is thought of."""
 SAME_STEP = 1e-9
 """Part of a sampling step to which two runs' agree."""
 COUNTED = 1e-3
 """Distance from a whole number that the samples between two windows may have."""
-SPREAD, BETTER = 1.2, 9.0
-"""Ratio of the runs' amplitudes from which a line's size can be held against them, and Δχ² that
-decides."""
+SPREAD = 1.2
+"""Ratio of the runs' amplitudes from which a line's size can be held against them."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,7 @@ class Line:
             scale = float(np.sum(weight * size * shape) / np.sum(weight * shape**2))
             return float(np.sum(weight * (size - scale * shape) ** 2))
 
-        return misfit(wave) + BETTER < misfit(np.ones(len(size)))
+        return misfit(wave) + FOLLOWS_WAVE < misfit(np.ones(len(size)))
 
     def make_entry(self, multiple: int, meaning: str) -> dict[str, Any]:
         """The line as the report lists it."""

@@ -18,22 +18,17 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.envelope_motion import estimate_curvatures
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
+from ..thresholds import BY_CHANCE, ODD_WINDOW
 from .heard import compute_harmonic_power
 from .lines import find_sampling_hz
 
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
-ODD = 1.9
-"""σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of
-four samples beside those of five by half, and one that keeps its own noise has twice theirs or
-more."""
 BENT = 4.0
 """Times the doubt of the bend up to which an end's σ is that: the demodulation took it before other
 corrections."""
 FEWEST = 4
 """Samples of the shortest window."""
-BY_CHANCE = 1e-6
-"""Chance at which the odd windows of all might be just those of the largest signal."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ def find_odd_windows(waves: Sequence[Wave]) -> list[OddWindow]:
             continue
         std = np.asarray(wave.signal_std, float)[rows]
         usual = find_local_median(std, NEIGHBOURS)
-        odd = (std > ODD * usual) & ~_kinked(wave, rows, usual)
+        odd = (std > ODD_WINDOW * usual) & ~_kinked(wave, rows, usual)
         if odd.any():
             odd &= ~_bent(wave, rows, std, usual)
         found += [

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ....effects.effect import Effect
+from ..thresholds import OWN_SIGMA
 
-NAMED = 3.0
-"""σ that the size of what the waveform offers must stand off nought."""
 UNMEASURED = "not measured: a line of the averaged spectrum"
 
 
@@ -81,7 +80,7 @@ def is_sound(offer: dict[str, Any]) -> bool:
     values = [(p["value"], p["std"]) for p in offer["parameters"].values()]
     sizes = [size for size in offer.get("magnitude", {"": 1.0}).values() if size > 0]
     return bool(
-        offer["z"] > NAMED
+        offer["z"] > OWN_SIGMA
         and sizes
         and all(np.isfinite(v) and np.isfinite(s) and s > 0 for v, s in values)
     )

@@ -8,11 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....records import FLAG_CLIPPED, FLAG_GAP, Wave
+from ..thresholds import UNCLIPPED
 from .odd_windows import find_channel_amplitudes
-
-PASSED = 1.02
-"""Largest amplitude that was not clipped, over the least that was in another run, from which the
-two have no level in common."""
 
 
 def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str, ...]]:
@@ -55,7 +52,7 @@ def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str,
     for k, (wave, mask) in enumerate(zip(waves, clipped, strict=True)):
         level = float(np.min(find_channel_amplitudes(wave)[mask], initial=np.inf))
         passed = max([*free[:k], *free[k + 1 :]], default=0.0)
-        if passed > PASSED * level:
+        if passed > UNCLIPPED * level:
             told.append(
                 f"{wave.run_id}: {int(mask.sum())} windows are clipped at a level that other runs"
                 f" pass unharmed ({level:.4g} against {passed:.4g}) and left out; look at this"

@@ -12,12 +12,11 @@ from ....fitting.causes.extended_fit import DivergedError, ExtendedFit
 from ....fitting.envelopes.envelope_runs import compute_envelopes, replace_envelopes
 from ....fitting.samples.spectrum import find_floor
 from ....records import Wave
+from ..thresholds import LINE_RATIO
 from .tone import Tone
 from .tone_search import find_strongest_tone
 
 Array = np.ndarray
-LINE = 8.0
-"""Power over a spectrum's floor from which a bin is a line's and no noise."""
 NOTCH = 1.5
 """Distance from the oscillation, over the inverse of a window's length, within which the residual's
 spectrum lacks what the windows' fits took: a third of it at half that distance."""
@@ -118,7 +117,7 @@ def _std_without(wave: Wave, vector: Array) -> dict[str, Array]:
 def _mean_over_median(ratio: Array) -> Array:
     """Mean of a noise spectrum over its running median, of each channel, lines left out: an average
     of few segments has its median below its mean."""
-    return np.array([one[(one > 0) & (one < LINE)].mean() for one in ratio.T])
+    return np.array([one[(one > 0) & (one < LINE_RATIO)].mean() for one in ratio.T])
 
 
 def take_out_tones(

@@ -20,6 +20,7 @@ from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import hold_effect
 from ..fits.scoring import is_gross
+from ..thresholds import BESIDE_NOISE, SIGNIFICANT, WORTH
 from .inquiry import Inquiry, NoiseLevel
 from .offsets import Offsets, find_lone_run, judge_scatter, point_at, read_offsets
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns, share_among
@@ -29,13 +30,9 @@ from .selection import Begun, Found, prune_causes
 Array = np.ndarray
 SCATTER = 1e-6
 """Chance of the offsets' scatter being noise from which it is looked into."""
-SIGNIFICANT, BESIDE_NOISE = 1e-3, 1e-2
-"""Corrected chance of a false alarm allowed; the second where what is left is no more than the
-offsets' own noise."""
 LEAST = 0.3
 """Smallest wander assumed, in σ of the offsets: fewer runs do not know it better."""
 MOST = 2
-RIVAL = 10.0
 
 
 def take_from_frequencies(case: Case) -> Case:
@@ -167,7 +164,7 @@ def _adopt_pattern(
         if len(o.variants) == 1
         and o.variants[0] not in best.variants
         and o.allowed
-        and o.compute_misfit(best.wander) < level + RIVAL
+        and o.compute_misfit(best.wander) < level + WORTH
     )
     worth = evidence.find_bic_gain(best.gain, known.response.shape[1], len(fit.residual))
     columns = fit.find_sensitivities([one.wanted for one in best.variants])

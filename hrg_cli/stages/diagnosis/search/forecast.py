@@ -32,7 +32,7 @@ from ....fitting.noise import channel_noise
 from ....physics import ellipse
 from ..base.joint_fit import settle_log
 from ..fits.refits import hold_effect, leave_out
-from ..thresholds import WORTH
+from ..thresholds import ASTRAY, UNTAUGHT, WORSE_TAUGHT, WORTH
 from .search_case import Case
 from .selection import select
 from .stand_in import is_beyond_question
@@ -45,16 +45,6 @@ FEWEST_ROWS, BLOCKS, DRAWS = 40, 8, 400
 COURSE_POINTS = 60
 AT_REST = 1e-3
 """Part of the fastest run's rate below which a run stands still."""
-UNTAUGHT = 3.0
-"""Times its σ from all data beyond which a cause is not known from a part of them, so that what it
-predicts there says nothing of it."""
-WORSE_TAUGHT = 2.0
-"""Times χ² per degree of freedom of all data beyond which the training is not fitted: of driven
-runs what a log may have missed is said of all of them together, and a part of them is without
-it."""
-ASTRAY = 4.0
-"""Surprise a value held out, 1 where σ is right, from which a forecast is wrong by what nobody
-taught."""
 
 
 @dataclass(frozen=True)

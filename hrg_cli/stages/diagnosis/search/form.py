@@ -23,7 +23,7 @@ from ....fitting.envelopes.coordinates import DAMPING, DAMPING_SPLIT
 from ..fits.refits import adopt, compute_bic, hold_unseen
 from ..fits.scoring import is_possible, score_effects
 from ..fits.variants import Variant
-from ..thresholds import WORTH
+from ..thresholds import ANOTHER_POWER, FORBIDDEN_DAMPING, WORTH
 from .damping_form import Form, TriedForm
 from .inquiry import Inquiry, NoiseLevel
 from .remainder import search_rest
@@ -45,10 +45,6 @@ from .shapes import (
 )
 
 Array = np.ndarray
-FORBIDDEN = 2.0
-"""σ by which the linear damping must be beyond the passive bound to count as forbidden."""
-DIFFERENT = 4.0
-"""σ by which a fitted power must differ from the catalogue's."""
 PROMISING, SHORTLIST, QUICK = 4.0, 6, 5
 """Score in σ from which a cause is refitted beside the new form, the most that are, and in how many
 steps."""
@@ -228,14 +224,14 @@ def _serves(search: Search, place: Found, noise: NoiseLevel) -> bool:
 def _forbidden(fit: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the damping stands at the bound of a passive resonator, and would be clearly beyond
     it if it might."""
-    return fit.bound_cost > FORBIDDEN**2 * noise.slow
+    return fit.bound_cost > FORBIDDEN_DAMPING**2 * noise.slow
 
 
 def _has_another_power(old: ExtendedFit, free: ExtendedFit, noise: NoiseLevel) -> bool:
     """Whether the power, left free, is another than the catalogue's."""
     power, power_std = read_power(free)
     return (
-        abs(power - 2) > DIFFERENT * power_std * noise.slow**0.5
+        abs(power - 2) > ANOTHER_POWER * power_std * noise.slow**0.5
         and old.chi2 - free.chi2 > WORTH * noise.slow
     )
 

@@ -20,16 +20,18 @@ from ....fitting.least_squares import invert_information, square_over_covariance
 from ..fits.refits import compute_bic, leave_out
 from ..fits.scoring import compute_worth, score_effects
 from ..fits.variants import Variant
-from ..thresholds import WORTH
+from ..thresholds import SIGNS_TURNED, WORTH
 from .inquiry import STATED
 from .search_case import Case
 from .selection import find_best_step
 
 Array = np.ndarray
-CLEARLY = 30.0
-"""χ² that turned signs must gain, beyond the choice among 2^(R − 1) of them."""
 LARGER = 2
 """Larger causes beside which the signs are looked for, where nothing is plain without them."""
+EVERY_CHOICE = 12
+"""Runs up to which all 2^(R − 1) choices of signs are tried."""
+CLIMBS = 4
+"""Best of the choices tried from which single signs are turned."""
 
 
 def orient_runs(
@@ -93,7 +95,7 @@ def _choose_signs(fit: ExtendedFit, coherent: Sequence[Variant]) -> tuple[Array,
         promised = evidence.find_bic_gain(turned.gain, by_run.shape[2], len(fit.residual)) - price
         # by what it promises with its price, so that of two coherent vectors the one with fewer
         # parameters gives the signs
-        if turned.gain - turned.untouched > CLEARLY + price and promised > best:
+        if turned.gain - turned.untouched > SIGNS_TURNED + price and promised > best:
             best, signs = promised, turned.signs
     return signs, best
 
@@ -210,11 +212,13 @@ class SignedNormal:
         A = (wide.T @ wide).reshape(runs, count, runs, count)
         return cls(A, (wide.T @ base.residual).reshape(runs, count))
 
-    def compute_gain(self, signs: Array) -> float:
-        """What the vector takes of χ² with these signs (R,)."""
-        right = signs @ self.b
-        shared = np.einsum("r,ricj,c->ij", signs, self.A, signs)
-        return square_over_covariance(right, shared, evidence.BLIND**2)
+    def compute_gains(self, signs: Array) -> Array:
+        """What the vector takes of χ² with each of several choices of signs (n, R), (n,)."""
+        shared = np.einsum("nr,ricj,nc->nij", signs, self.A, signs, optimize=True)
+        size = np.sqrt(np.einsum("nii->ni", shared))
+        size[size == 0] = 1.0
+        P = shared / size[:, :, None] / size[:, None, :]
+        return evidence.compute_gains(P, signs @ self.b / size)[0]
 
     def compute_gain_of_each(self) -> float:
         """What a vector of its own in every run takes of χ²: no signs take more."""
@@ -222,47 +226,43 @@ class SignedNormal:
         whole = self.A.reshape(len(right), -1)
         return square_over_covariance(right, whole, evidence.BLIND**2)
 
-    def find_signs_along_clearest(self) -> Array:
-        """Signs (R,) by which the runs' own vectors point the way of the one that takes most."""
+    def list_starts(self) -> Array:
+        """Choices of signs (n, R) of which one is near the best: all of them where that is cheap,
+        else all + and those by which the runs' own vectors point the way of one of theirs."""
         runs = len(self.b)
+        if runs <= EVERY_CHOICE:
+            bits = np.arange(2 ** (runs - 1))[:, None] >> np.arange(runs) & 1
+            return 1.0 - 2.0 * bits
         alone = np.array(
             [invert_information(self.A[k, :, k], rcond=1e-6) @ self.b[k] for k in range(runs)]
         )
-        clearest = int(np.argmax(np.sum(alone * self.b, axis=1)))
-        return np.where(alone @ alone[clearest] < 0, -1.0, 1.0)
+        return np.vstack([np.ones(runs), np.where(alone @ alone.T < 0, -1.0, 1.0)])
 
     def climb(self, start: Array) -> tuple[float, Array]:
-        """(gain, signs) from a start on: one sign after the other is turned while that gains."""
-        signs, gain = start.copy(), self.compute_gain(start)
-        improved = True
-        while improved:
-            improved = False
-            for k in range(len(signs)):
-                signs[k] = -signs[k]
-                trial = self.compute_gain(signs)
-                if trial > gain * (1 + 1e-12):
-                    gain, improved = trial, True
-                else:
-                    signs[k] = -signs[k]
-        return gain, signs
+        """(gain, signs) from a start on: the sign that gains most is turned while one does."""
+        signs, gain = start, float(self.compute_gains(start[None])[0])
+        while True:
+            nearby = signs * (1 - 2 * np.eye(len(signs)))
+            gains = self.compute_gains(nearby)
+            best = int(np.argmax(gains))
+            if not gains[best] > gain * (1 + 1e-12):
+                return gain, signs
+            signs, gain = nearby[best], float(gains[best])
 
 
 def _turn_signs(by_run: Array, base: ExtendedFit) -> Turned:
     """The best signs found for columns (N, R, K) of runs of which each may turn its sign.
 
-    All 2^(R − 1) are too many to try, and one climb from all + may end where two runs would have to
-    turn together; the runs' own vectors are the second start.
+    A climb from all + alone may end where two runs would have to turn together.
     """
     runs = by_run.shape[1]
     normal = SignedNormal.from_columns(base, by_run)
-    untouched = normal.compute_gain(np.ones(runs))
-    if normal.compute_gain_of_each() - untouched < CLEARLY:
+    untouched = float(normal.compute_gains(np.ones((1, runs)))[0])
+    if normal.compute_gain_of_each() - untouched < SIGNS_TURNED:
         return Turned(untouched, untouched, np.ones(runs))
-    best, signs = -np.inf, np.ones(runs)
-    for start in (np.ones(runs), normal.find_signs_along_clearest()):
-        gain, reached = normal.climb(start)
-        if gain > best:
-            best, signs = gain, reached
+    starts = normal.list_starts()
+    likely = starts[np.argsort(-normal.compute_gains(starts), kind="stable")[:CLIMBS]]
+    gain, signs = max((normal.climb(start) for start in likely), key=lambda found: found[0])
     # the sign of all together is nobody's to know: the fewest runs are turned
     majority = np.sign(signs.sum()) or signs[0]
-    return Turned(best, untouched, signs * majority)
+    return Turned(gain, untouched, signs * majority)

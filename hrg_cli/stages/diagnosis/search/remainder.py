@@ -31,7 +31,7 @@ from ..fits.open_terms import (
     make_open_effect,
 )
 from ..fits.refits import compute_bic, leave_out
-from ..thresholds import INADEQUATE, NEVER_LESS, SIGNIFICANT, WORTH
+from ..thresholds import INADEQUATE, NEVER_LESS, READOUT_BETTER, SIGNIFICANT, WORTH
 from .inquiry import STATED, NoiseLevel
 
 Array = np.ndarray
@@ -46,9 +46,6 @@ which they are."""
 SMOOTH = 6
 """Slow cosines of each of the wave's components in which a misfit of the model is looked for; what
 is quicker is asked of the open terms."""
-ALIKE = 0.03
-"""Part of its gain in χ² by which a term of the read-out may do better than the same of the motion
-that is named in its place."""
 OPEN_TERMS = 3
 """Open terms that describe a rest; a rest that needs more is not described."""
 FEW = 64
@@ -394,7 +391,7 @@ def find_best_term(fit: ExtendedFit, ranked: Sequence[Term]) -> Term:
     near = sorted([*better, *near], key=lambda t: -round(t.compute_bic_gain(rows), 3))
     best = near[0]
     if best.place.readout:
-        margin = max(WORTH, ALIKE * best.score.gain)
+        margin = max(WORTH, READOUT_BETTER * best.score.gain)
         alike = (t for t in near if not t.place.readout and t.covariate.name == best.covariate.name)
         moving = next(alike, None)
         if (

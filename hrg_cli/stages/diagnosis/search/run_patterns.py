@@ -19,6 +19,7 @@ from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.scoring import is_small
 from ..fits.variants import Variant
+from ..thresholds import EXCLUDED
 from .inquiry import Inquiry
 from .offsets import Offsets
 
@@ -27,8 +28,6 @@ SPARE = 2
 """Degrees of freedom that must be left over."""
 QUIET = 0.01
 """p of the scatter that is left from which it counts as noise."""
-EXCLUDED = 4.0
-"""σ by which the runs must exclude the size that the offsets' scatter asks for."""
 TELLING = 4.0
 """χ² that the rows of the runs should show of the cause, from which what they do show is evidence
 too."""

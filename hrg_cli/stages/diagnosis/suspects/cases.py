@@ -13,6 +13,7 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
+from ..thresholds import MISTAKE_PRICE, UNUSUAL_SCALE_FACTOR
 from .laws import is_one_law
 from .logs import has_usual_scale_factor
 from .readings import Reading
@@ -20,14 +21,6 @@ from .readings import Reading
 Fitted = Callable[..., ExtendedFit]
 """The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's
 log may have missed."""
-
-ODD = 1e3
-"""Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
-REMOVED = 0.9
-"""Part of the excess of χ² that the mistakes undone must remove together."""
-PRICE = 20.0
-"""Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
-with less."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +47,7 @@ class SuspectCase:
         """Excess of χ² at a noise, what its freedom costs, and a scale factor that no resonator
         has."""
         rows = len(self.fit.residual) + (len(self.apart.residual) if self.apart else 0)
-        odd = 0.0 if has_usual_scale_factor(self.fit) else ODD
+        odd = 0.0 if has_usual_scale_factor(self.fit) else UNUSUAL_SCALE_FACTOR
         # less one a row: a reading that leaves rows out is not the better for it
         excess = self.chi2 / noise - rows
         return excess + self.reading.parameters * float(np.log(rows)) + odd
@@ -75,7 +68,7 @@ class SuspectFound:
     def follow_a_law(self) -> bool:
         """Whether the mistakes of several runs are one law of what is logged of these."""
         return len(self.suspicions) > 1 and is_one_law(
-            self.before, self.chi2_per_dof, self.numbers, PRICE
+            self.before, self.chi2_per_dof, self.numbers, MISTAKE_PRICE
         )
 
 

@@ -18,7 +18,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.parabola import fit_parabola
 from ....records import Array, Wave
 from ...suspicion import Suspicion
-from .cases import REMOVED, Fitted, SuspectFound, fit_or_none, is_any_logged
+from ..thresholds import MISTAKES_REMOVE, SURE_LATENESS
+from .cases import Fitted, SuspectFound, fit_or_none, is_any_logged
 from .readings import FINEST, LATEST, compute_misfits, has_varying_rate, search_least
 from .transformations import advance_rate, advance_rate_within_log
 
@@ -27,8 +28,6 @@ LOOKED_AT = 3
 ROUNDS = 6
 NEAR = 0.3
 """Standard deviations of a move of the parabola's lowest place that ends the search."""
-SURE = 6.0
-"""Standard deviations, of the misfit that is left, from which a lateness is told."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,10 @@ def find_common_lateness(
         return None
     after = found.fit.chi2 / found.fit.dof
     std_s = found.std_s * float(np.sqrt(max(1.0, after)))
-    if after - 1 > (1 - REMOVED) * (before - 1) or abs(found.late_s) < SURE * std_s:
+    if (
+        after - 1 > (1 - MISTAKES_REMOVE) * (before - 1)
+        or abs(found.late_s) < SURE_LATENESS * std_s
+    ):
         return None
     way = "late" if found.late_s > 0 else "early"
     told = Suspicion(

@@ -9,16 +9,13 @@ import numpy as np
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
 from ...suspicion import Suspicion
-from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
+from ..thresholds import LEAK_PARTS, MISTAKES_REMOVE, SURE_LEAK
+from .cases import Fitted, SuspectFound, fit_or_none
 from .readings import DAMPING, fit_own_damping
 from .transformations import undo_damping
 
 LEAK_ROUNDS = 3
 """Dampings of the runs and the rest of the model, in turn."""
-SPLIT_OFF = 0.5
-"""Part of the dampings' range that a gap among them fills where one leak parts the runs in two."""
-SURE = 5.0
-"""Standard deviations by which a damping must stand off the least, where no gap parts the runs."""
 
 
 def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
@@ -69,7 +66,7 @@ def find_leaks(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> Susp
             return None
         fit = again
     before, after = base.chi2 / base.dof, fit.chi2 / fit.dof
-    if after - 1 > (1 - REMOVED) * (before - 1):
+    if after - 1 > (1 - MISTAKES_REMOVE) * (before - 1):
         return None
     high = _find_leaking(less, std * np.sqrt(max(after, 1.0)))
     common = fit.coordinate(DAMPING) + float(less.min())
@@ -91,7 +88,7 @@ def _find_leaking(less: Array, std: Array) -> Array:
     """Runs of more damping, from the runs' dampings (R,) and their σ."""
     order = np.argsort(less)
     gaps = np.diff(less[order])
-    if gaps.max() >= SPLIT_OFF * np.ptp(less):
+    if gaps.max() >= LEAK_PARTS * np.ptp(less):
         return np.asarray(order[int(np.argmax(gaps)) + 1 :])
     least = order[0]
-    return np.flatnonzero(less - less[least] > SURE * np.hypot(std, std[least]))
+    return np.flatnonzero(less - less[least] > SURE_LEAK * np.hypot(std, std[least]))

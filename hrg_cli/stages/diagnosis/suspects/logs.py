@@ -14,15 +14,11 @@ from ....units import RATE_UNITS
 from ...kelvin_logs import average_log, find_kelvin_logs
 from ...suspicion import Suspicion
 from ..samples.lines import find_median_frequency
-from ..thresholds import GROSS
+from ..thresholds import GROSS, SURE_OF_K, USUAL_RANGE
 
 SCALE_FACTOR = "scale_factor"
-SURE = 5.0
-"""σ from which K is known; σ of a misfit counts."""
 MISTAKEN = ("°/s", "°/h")
 """Units of a rate log that a scale factor without any misfit shows."""
-RANGE = 2.5
-"""Times above and below its usual value that a scale factor may be."""
 
 
 def find_wrong_logs(waves: Sequence[Wave], fit: ExtendedFit) -> list[Suspicion]:
@@ -84,7 +80,7 @@ def has_usual_scale_factor(fit: ExtendedFit) -> bool:
         fit.coordinate_std(SCALE_FACTOR),
         choose_scale_factor(fit.series.mode_number),
     )
-    return usual / RANGE - SURE * std < K < usual * RANGE + SURE * std
+    return usual / USUAL_RANGE - SURE_OF_K * std < K < usual * USUAL_RANGE + SURE_OF_K * std
 
 
 def _rates(fit: ExtendedFit) -> list[Suspicion]:
@@ -97,11 +93,11 @@ def _rates(fit: ExtendedFit) -> list[Suspicion]:
         fit.coordinate_std(SCALE_FACTOR) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof))),
     )
     usual = choose_scale_factor(fit.series.mode_number)
-    if not abs(K) > SURE * std:
+    if not abs(K) > SURE_OF_K * std:
         return []
     for unit in MISTAKEN:
         right = abs(K) / RATE_UNITS[unit]
-        if usual / RANGE < right < usual * RANGE:
+        if usual / USUAL_RANGE < right < usual * USUAL_RANGE:
             return [
                 Suspicion(
                     "all runs",
@@ -112,7 +108,7 @@ def _rates(fit: ExtendedFit) -> list[Suspicion]:
                 )
             ]
     rates = _rates_of(fit)
-    if K < 0 and usual / RANGE < abs(K) < usual * RANGE and _several_rates(fit):
+    if K < 0 and usual / USUAL_RANGE < abs(K) < usual * USUAL_RANGE and _several_rates(fit):
         return [
             Suspicion(
                 "all runs",

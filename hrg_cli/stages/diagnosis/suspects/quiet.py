@@ -19,8 +19,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
 from ..search.remainder import judge_adequacy, measure_smooth_part
-from ..thresholds import GROSS, INADEQUATE, WORTH
-from .cases import REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
+from ..thresholds import GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
+from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .mistakes import find_every_mistake
@@ -37,9 +37,6 @@ from .search import (
 
 FEWEST_RUNS = 4
 """Runs from which one is doubted: three others must agree without it."""
-PROMISED = 0.9
-"""Part of what causes take of χ² that a number of one run's own must promise to be held against
-them."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +147,7 @@ def _find_late_logs(
     """One lateness of all rate logs that leaves the stated noise, in place of all causes or beside
     those that are no one run's."""
     done = _excess(base) - _excess(final)
-    if failed or (done > WORTH and find_gain_of_lateness(base) > PROMISED * done):
+    if failed or (done > WORTH and find_gain_of_lateness(base) > INSTEAD_OF_CAUSES * done):
         late = find_common_lateness(waves, fitted, base)
         if late is not None and (mistake := _stand_in(late, base, final)) is not None:
             return mistake
@@ -216,7 +213,7 @@ def _levels(
 def _promises(before: ExtendedFit, final: ExtendedFit) -> bool:
     """Whether a number of one run's own may do what the causes did that stand in `final` alone."""
     done = _excess(before) - _excess(final)
-    return done > WORTH and find_largest_gain(before) > PROMISED * done
+    return done > WORTH and find_largest_gain(before) > INSTEAD_OF_CAUSES * done
 
 
 def _price(fit: ExtendedFit) -> float:
@@ -259,4 +256,4 @@ def _mends(fit: ExtendedFit, before: ExtendedFit) -> bool:
         return True
     power, rank = measure_smooth_part(fit)
     taken = before.chi2 - fit.chi2
-    return taken > REMOVED * (taken + power - rank)
+    return taken > MISTAKES_REMOVE * (taken + power - rank)

@@ -19,6 +19,7 @@ from ....records import Array, Wave
 from ..base.data import prepare
 from ..fits.refits import hold_effect
 from ..samples.jumps import find_jumps
+from ..thresholds import SURE_ROTATION
 from . import transformations as change
 
 CLOCK = "sampling rate wrong"
@@ -35,8 +36,6 @@ LATEST, FINEST = 0.2, 1e-3
 """Parts of the run by which a log may be late, and to which that is found."""
 LARGEST_GAIN, LARGEST_LEAD_RAD = 20.0, 3.0
 """What one channel's amplifier may multiply by, or be late by, in one run and not in the others."""
-ROTATION = 3.0
-"""σ from which a run's rate is known from its wave."""
 
 
 @dataclass(frozen=True)
@@ -448,7 +447,7 @@ def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Itera
     """A constant rate in the place of no log, or of one that changes with time."""
     shown = compute_shown_rate(wave, common)
     seen = estimate_own(change.hold_rate(wave, shown), others, SCALE_FACTOR) if shown else None
-    if seen is None or not abs(seen[0]) > ROTATION * seen[1]:
+    if seen is None or not abs(seen[0]) > SURE_ROTATION * seen[1]:
         return
     rate = shown * seen[0] / common
     yield Reading(

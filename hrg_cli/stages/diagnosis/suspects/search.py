@@ -12,8 +12,20 @@ from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
 from ....records import Array, Wave
 from ...suspicion import Suspicion
 from ..fits.variants import Variant, list_variants
-from ..thresholds import CLOCKS_APART, FREQUENCIES_APART, GROSS, NEARLY_ALL
-from .cases import PRICE, REMOVED, Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
+from ..thresholds import (
+    AS_GOOD_WITHOUT,
+    CLOCKS_APART,
+    FREQUENCIES_APART,
+    FREQUENCY_RIVAL,
+    GROSS,
+    MISTAKE_PRICE,
+    MISTAKES_REMOVE,
+    NEARLY_ALL,
+    ONE_MORE_RUN,
+    PHYSICS_RIVAL,
+    UNLIKE_RIVAL,
+)
+from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs, has_usual_scale_factor
@@ -30,20 +42,8 @@ from .readings import (
 from .rivals import fit_catalogue, fit_warming
 from .unlogged_rates import find_unlogged_rates
 
-STEP = 1.4
-"""Times by which χ² must fall for one more run to be doubted, or for runs that warm up."""
-RIVAL = 3.0
-"""χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake:
-then no run is blamed."""
-UNLIKE, UNLIKE_RIVAL = "unlike the others", 10.0
-"""A run of which no mistake is found, and `RIVAL` beside it: with all of its motion its own
-something must fall."""
-EVEN = 1.05
-"""Times by which causes of the catalogue must leave less than a run of strange frequency,
-undone."""
-CLEAR = 3.0
-"""Times χ² per degree of freedom of the best runs without one, up to which leaving out another is
-as good."""
+UNLIKE = "unlike the others"
+"""A run of which no mistake is found."""
 DOUBTED = 2
 """Runs whose mistakes are tried, those without which the others agree best."""
 FINALISTS = 3
@@ -91,7 +91,10 @@ def suspect_runs(
     if strange := _find_strange_frequencies(base, FREQUENCIES_APART):
         alone = _strange_runs(waves, fitted, base, strange)
         # a frequency that follows the amplitude does so within each run too, and explains more
-        if alone is not None and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / EVEN:
+        if (
+            alone is not None
+            and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / FREQUENCY_RIVAL
+        ):
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
     if not base.is_adequate and (strange := _find_strange_frequencies(base, CLOCKS_APART)):
         # temperatures part frequencies so far as well, but mend nothing else of a run with them
@@ -102,10 +105,13 @@ def suspect_runs(
             and alone.fit.is_adequate
         ):
             return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
-    if base.chi2 / base.dof < GROSS or (physics := fit_catalogue(base, candidates, RIVAL)) < RIVAL:
+    if (
+        base.chi2 / base.dof < GROSS
+        or (physics := fit_catalogue(base, candidates, PHYSICS_RIVAL)) < PHYSICS_RIVAL
+    ):
         return find_wrong_logs(waves, base)
     found = find_unlogged_rates(waves, fitted, base) or find_common_lateness(waves, fitted, base)
-    if found is None or found.chi2_per_dof > RIVAL:
+    if found is None or found.chi2_per_dof > PHYSICS_RIVAL:
         own = _find_mistakes_of_runs(waves, fitted, base, candidates)
         found = min(filter(None, (found, own)), key=lambda f: f.chi2_per_dof, default=None)
     if found is None or found.follow_a_law or _is_cleared(found, base, candidates, physics):
@@ -119,13 +125,15 @@ def _find_mistakes_of_runs(
     """The runs without which the others agree, at one temperature or as they warm, or whose
     dampings do not."""
     cold = _wrong_runs(waves, fitted, base, find_mistakes) or find_leaks(waves, fitted, base)
-    if cold is not None and cold.chi2_per_dof < RIVAL:
+    if cold is not None and cold.chi2_per_dof < PHYSICS_RIVAL:
         return cold
     warm = fit_warming(fitted, candidates, base)
     if warm is None:
         return cold
     warmed = _wrong_runs(waves, warm, warm(waves), find_every_mistake)
-    if cold is None or (warmed is not None and warmed.chi2_per_dof * STEP < cold.chi2_per_dof):
+    if cold is None or (
+        warmed is not None and warmed.chi2_per_dof * ONE_MORE_RUN < cold.chi2_per_dof
+    ):
         return warmed
     return cold
 
@@ -141,14 +149,14 @@ def _is_cleared(
     """
     left = found.chi2_per_dof
     if all(one.what != UNLIKE for one in found.suspicions):
-        return physics < RIVAL * max(1.0, left)
+        return physics < PHYSICS_RIVAL * max(1.0, left)
     if physics < UNLIKE_RIVAL * max(1.0, left):
         return True
     if left < GROSS or base.chi2 / base.dof > NEARLY_ALL * left:
         return False
     # a gross misfit stays: the catalogue has to explain what is left, as it would of a sound lot
     effects = list(dict.fromkeys(one.effect for one in candidates))
-    return fit_catalogue(found.fit, list_variants(effects, found.fit), RIVAL) > GROSS
+    return fit_catalogue(found.fit, list_variants(effects, found.fit), PHYSICS_RIVAL) > GROSS
 
 
 def _find_strange_frequencies(fit: ExtendedFit, apart: float) -> list[int]:
@@ -227,7 +235,7 @@ def _wrong_runs(
         chosen.append((last, beside))
         if last.apart is None:
             pieces[last.run] = last.reading.pieces
-    if last is None or last.chi2 / last.dof - 1 > (1 - REMOVED) * (before - 1):
+    if last is None or last.chi2 / last.dof - 1 > (1 - MISTAKES_REMOVE) * (before - 1):
         return None
     told = tuple(describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
@@ -262,9 +270,10 @@ def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[Suspec
     """
     noise = max(1.0, min(case.chi2 / case.dof for case in cases))
     ranked = sorted(
-        cases, key=lambda case: case.compute_price(noise) + PRICE * case.reading.parameters
+        cases,
+        key=lambda case: case.compute_price(noise) + MISTAKE_PRICE * case.reading.parameters,
     )
-    limit = ranked[0].compute_price(noise) + PRICE
+    limit = ranked[0].compute_price(noise) + MISTAKE_PRICE
     alike = [c for c in ranked if c is ranked[0] or c.compute_price(noise) < limit]
 
     def name_rivals(case: SuspectCase) -> tuple[int, int, bool]:
@@ -292,14 +301,16 @@ def _find_culprits(
         best = without[0][1].chi2 / without[0][1].dof
         if not left_out:
             doubted = [
-                pair for pair in without if pair[1].chi2 / pair[1].dof < CLEAR * max(1.0, best)
+                pair
+                for pair in without
+                if pair[1].chi2 / pair[1].dof < AS_GOOD_WITHOUT * max(1.0, best)
             ][:DOUBTED]
-        if best > level.chi2 / level.dof / STEP:
+        if best > level.chi2 / level.dof / ONE_MORE_RUN:
             return [], []
         left_out.append(without[0][0])
         level = without[0][1]
-        if best - 1 < (1 - REMOVED) * (before - 1) and (
-            best < CLEAR or best - 1 < (1 - REMOVED) ** 2 * (before - 1)
+        if best - 1 < (1 - MISTAKES_REMOVE) * (before - 1) and (
+            best < AS_GOOD_WITHOUT or best - 1 < (1 - MISTAKES_REMOVE) ** 2 * (before - 1)
         ):
             return left_out, doubted
     return [], []
@@ -358,7 +369,7 @@ def find_cases(
     )
     # no gyro has a scale factor of the other sign: with one of its own the run is read otherwise
     if apart is not None and (not out or has_usual_scale_factor(apart)):
-        own = apart.chi2 / apart.dof < CLEAR * max(1.0, others.chi2 / others.dof)
+        own = apart.chi2 / apart.dof < AS_GOOD_WITHOUT * max(1.0, others.chi2 / others.dof)
         figures = (
             f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that"
             " its own"

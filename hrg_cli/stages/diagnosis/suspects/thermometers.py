@@ -13,17 +13,15 @@ from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
 from ..base.data import estimate_log_noise
+from ..thresholds import ANOTHER_PLACE, PLAUSIBLE_DEGC
 from . import transformations as change
 from .readings import DAMPING, FINEST, Reading, find_least_misfit, fit_held
 
 COURSE_ROUNDS = 4
 """Of the course and, but in the first, the level: beside a course that is far off a damping is
 anything."""
-PLAUSIBLE_DEGC = 200.0
-"""Distance from the other runs' temperatures that a run may have had."""
-COURSE_NUMBERS, BEYOND_NOISE = 20, 3.0
-"""Numbers that a smoothed course has, about, and standard deviations of it by which a log in
-another place must differ."""
+COURSE_NUMBERS = 20
+"""Numbers that a smoothed course has, about."""
 LONGEST_LAG = 0.5
 """Part of the run by which a thermometer may be behind."""
 
@@ -125,7 +123,7 @@ def _is_beyond_noise(wave: Wave, moved: Wave) -> bool:
     left = estimate_log_noise(logged[known]) * np.sqrt(
         min(1.0, COURSE_NUMBERS / max(1, known.sum()))
     )
-    return bool(np.sqrt(np.mean((other - logged)[known] ** 2)) > BEYOND_NOISE * left)
+    return bool(np.sqrt(np.mean((other - logged)[known] ** 2)) > ANOTHER_PLACE * left)
 
 
 def _lag(wave: Wave, others: ExtendedFit) -> float | None:

@@ -9,7 +9,8 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....records import Wave
 from ...suspicion import Suspicion
-from .cases import REMOVED, Fitted, SuspectFound, fit_or_none
+from ..thresholds import MISTAKES_REMOVE
+from .cases import Fitted, SuspectFound, fit_or_none
 from .readings import SCALE_FACTOR, compute_shown_rate, estimate_own, is_turning
 from .transformations import hold_rate
 
@@ -70,7 +71,7 @@ def find_unlogged_rates(
             break
         rates = [rate * one[0] / K for rate, one in zip(rates, own, strict=True) if one]
     before = base.chi2 / base.dof
-    if best is None or best.chi2 / best.dof - 1 > (1 - REMOVED) * (before - 1):
+    if best is None or best.chi2 / best.dof - 1 > (1 - MISTAKES_REMOVE) * (before - 1):
         return None
     after = best.chi2 / best.dof
     # K and the rates were fitted in turn: their products are what is known

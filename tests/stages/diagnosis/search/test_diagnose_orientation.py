@@ -4,9 +4,11 @@ one wave."""
 import tomllib
 
 import numpy as np
+import pytest
 from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.physics import ellipse
+from hrg_cli.stages.diagnosis.search.orientation import CLIMBS, SignedNormal
 
 OFFSET = {"in_phase_c": 1.5e-4, "in_phase_s": -5e-5, "quadrature_c": 4e-5, "quadrature_s": 1e-4}
 
@@ -47,3 +49,23 @@ def test_an_offset_is_found_whatever_sign_each_run_gives_it():
         assert (
             np.sqrt(np.mean(np.abs(difference) ** 2, axis=1) / measured.signal_std**2).mean() < 1.8
         )
+
+
+@pytest.mark.parametrize("runs", [6, 20])
+def test_signs_that_turn_together_are_found(runs):
+    """A vector of four numbers of which each run shows its own two well, and all the others a
+    little: one sign after the other leads nowhere."""
+    random = np.random.default_rng(runs)
+    for _ in range(40):
+        signs = np.append(1.0, random.choice([-1.0, 1.0], runs - 1))
+        columns = random.standard_normal((30, runs, 4)) * random.choice([0.02, 1.0], (runs, 4))
+        A = np.einsum("nrc,nrd->rcd", columns, columns)
+        true = random.standard_normal(4)
+        normal = SignedNormal(
+            np.einsum("rcd,rs->rcsd", A, np.eye(runs)), (A @ true) * signs[:, None]
+        )
+        starts = normal.list_starts()
+        best = starts[np.argsort(-normal.compute_gains(starts), kind="stable")[:CLIMBS]]
+        gain, found = max((normal.climb(start) for start in best), key=lambda one: one[0])
+        assert np.isclose(gain, normal.compute_gain_of_each(), rtol=1e-6)
+        assert abs(found @ signs) == runs
