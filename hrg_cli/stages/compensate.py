@@ -21,7 +21,9 @@ from .calibration.interpolation import (
     read_angle_random_walk,
 )
 from .compensation.angle_spread import AngleSpread
+from .compensation.block_rates import find_block_rates
 from .compensation.logged_run import LoggedRun
+from .compensation.middles import Middles
 from .compensation.run_sums import IncrementRates, RateErrors, RunSums
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 
@@ -165,24 +167,30 @@ def _compensate_pieces(
 ) -> Iterator[Compensated]:
     """The run in pieces that fit into memory, each with the figures of all so far."""
     sums = RunSums(calibration, -(-len(run.wave) // windows), run.logged)
-    for piece, of_log in run.split_pieces(windows):
-        path = build_path(
-            piece, harmonics=0, earth_rate_rad_s=earth_rate, per_block=windows, need_rate=False
+    for piece in run.split_pieces(windows):
+        whole = build_path(
+            piece.wave,
+            harmonics=0,
+            earth_rate_rad_s=earth_rate,
+            per_block=windows,
+            need_rate=False,
         )
-        need_range(calibration, path.find_abscissa(calibration.axis), run.name)
-        found = _correct(path, calibration, sums.angles)
-        known = run.find_known_rates(of_log)
+        need_range(calibration, whole.find_abscissa(calibration.axis), run.name)
+        rate = find_block_rates(piece.wave, whole, calibration, windows, earth_rate)
+        middles = Middles.from_path(whole)
+        found = _judge_increments(whole, rate, middles, piece.own, calibration, sums.angles)
+        path = whole.select_rows(piece.own)
+        known = run.find_known_rates(piece.stretch)[piece.own]
         sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
         errors = _errors_of(path, found, known, calibration) if run.logged else None
         sums.add(path, found, errors)
-        on_ground = found.rate_rad_s - earth_rate
         record = _record_of(
             run,
             calibration,
             time_s=path.average_neighbours(path.time_s),
-            rate_estimate_rad_s=on_ground,
+            rate_estimate_rad_s=found.rate_rad_s - earth_rate,
             rate_estimate_rad_s_std=found.std,
-            angle_estimate_rad=sums.turn_on(on_ground, path.interval_s),
+            angle_estimate_rad=sums.turn_on(rate - earth_rate, whole, middles, piece.own),
             angle_estimate_rad_std=found.angle_std,
             residual_before_rad_s=None if errors is None else errors.before_rad_s,
             residual_after_rad_s=None if errors is None else errors.after_rad_s,
@@ -194,13 +202,20 @@ def _compensate_pieces(
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 
 
-def _correct(path: AnglePath, calibration: Calibration, angles: AngleSpread) -> IncrementRates:
-    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K, with what it is uncertain by."""
+def _judge_increments(
+    path: AnglePath,
+    rate: Array,
+    middles: Middles,
+    own: slice,
+    calibration: Calibration,
+    angles: AngleSpread,
+) -> IncrementRates:
+    """The rates (n,) of a piece's `own` increments with what they are uncertain by."""
     blocks = path.find_abscissa(calibration.axis)
-    drift, scale = compute_corrections(calibration, path)
-    rate = (drift - path.turn / path.interval_s) / scale
+    _, scale = compute_corrections(calibration, path)
     noise, of_tables = _compute_rate_std(calibration, path, blocks, rate, scale)
-    return IncrementRates(rate, noise, of_tables, angles.compute_std(path, blocks, rate, scale))
+    angle_std = angles.compute_std(path, middles, own, blocks, rate, scale)
+    return IncrementRates(rate[own], noise[own], of_tables[own], angle_std)
 
 
 def _errors_of(

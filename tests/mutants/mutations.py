@@ -334,7 +334,6 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("abs(seen / scale_factor - 1) > 0.05", "abs(seen / scale_factor - 1) > 0.5"),
             ("if strong and seen * scale_factor < 0:", "if False:"),
-            ("rate = (drift - path.turn / path.interval_s) / scale", "rate = (drift + path.turn / path.interval_s) / scale"),
             ("if wave.mode_number != calibration.mode_number:", "if False:"),
             ("if calibration.correction != CORRECTION:", "if False:"),
             ("if wave.gyro_id and calibration.gyro_id and wave.gyro_id != calibration.gyro_id:", "if False:"),
@@ -345,8 +344,22 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "stages/compensation/run_sums.py": (
         "tests/stages/test_compensate.py",
         (
-            ("np.cumsum(turned) - turned / 2", "np.cumsum(turned)"),
-            ("self.angle_rad += float(turned.sum())", "self.angle_rad += 0.0"),
+            ("middles.interpolate(angle_rad)[rows]", "angle_rad[1:][rows]"),
+            ("self.angle_rad = float(angle_rad[rows.stop])", "self.angle_rad = 0.0"),
+        ),
+    ),
+    "stages/compensation/block_rates.py": (
+        "tests/stages/test_compensate.py",
+        (
+            ("(drift - path.turn / path.interval_s) / scale", "(drift + path.turn / path.interval_s) / scale"),
+            ("if windows == 1:", "if windows:"),
+        ),
+    ),
+    "stages/compensation/middles.py": (
+        "tests/stages/test_compensate.py tests/stages/compensation/test_compensate_std.py",
+        (
+            ("step**2 / 8 + blur**2 / 24", "step**2 / 8"),
+            ("weight = self.weight - first", "weight = self.weight"),
         ),
     ),
     "stages/calibration/interpolation.py": (

@@ -107,8 +107,8 @@ class Prediction:
                 out[k] = np.interp(
                     np.arange(len(good)), rows, np.unwrap(np.angle(overlap[k, rows]))
                 )
-        # up to 0.02 rad the plain difference is linear but for ψ²/2 = 2e-4 of the wave, which come in
-        # at once are 20 σ of a quiet one, a wall that no step of a fit gets over
+        # up to 0.02 rad the plain difference is linear but for ψ²/2 = 2e-4 of the wave: 20 σ of a
+        # quiet one, which must not come in at once, as a wall that no step of a fit gets over
         far = np.clip(np.abs(out).max(axis=1, keepdims=True) / 0.02 - 1, 0.0, 1.0)
         return out * far**2 * (3 - 2 * far)
 

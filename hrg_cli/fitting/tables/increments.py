@@ -354,6 +354,32 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     return max(1, min(by_phase, rows // FEWEST_BLOCKS))
 
 
+def find_good_blocks(good: Array, per_block: int) -> Array:
+    """Which blocks of windows are means that count: those at least half good.
+
+    Parameters
+    ----------
+    good
+        Windows that are good (n,).
+    per_block
+        Windows a block; the last may have fewer.
+
+    Returns
+    -------
+    ndarray
+        True for a block that counts, bool (b,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import find_good_blocks
+    >>> find_good_blocks(np.array([1, 1, 1, 0, 0, 1, 0], bool), 3).tolist()
+    [True, False, False]
+    """
+    count = np.add.reduceat(good.astype(float), np.arange(0, len(good), per_block))
+    return np.asarray(count >= max(1.0, per_block / 2))
+
+
 def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> dict[str, Array]:
     """Means over the good rows of each group of `per_block` rows; groups less than half good are
     left out."""
@@ -361,7 +387,7 @@ def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> d
     good = np.asarray(block.good()) & np.isfinite(time)
     starts = np.arange(0, len(time), per_block)
     count = np.add.reduceat(good.astype(float), starts)
-    keep = count >= max(1.0, per_block / 2)
+    keep = find_good_blocks(good, per_block)
 
     def mean(values: Array, power: int = 1) -> Array:
         total = np.add.reduceat(np.where(good, values, 0.0), starts)[keep]

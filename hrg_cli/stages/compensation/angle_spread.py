@@ -1,7 +1,7 @@
 """Standard deviation of the angle that a compensated rate sums up to.
 
 The noise of the wave angle does not grow: of all increments' it leaves that of the first block and
-of the two about the place. The gyro's own walk grows as N√t. The tables' errors are the same
+of the four about the place. The gyro's own walk grows as N√t. The tables' errors are the same
 whenever the wave comes by, and are summed up as what they are, through the coefficients' whole
 covariance C: with g = Σ ∂Ω/∂c Δt their variance is gᵀCg, which grows as t where the wave stands and
 cancels where it turns.
@@ -18,6 +18,7 @@ from ..calibration.interpolation import (
     interpolate_doubt,
     read_angle_random_walk,
 )
+from .middles import Middles
 
 Array = np.ndarray
 ROWS = 2048
@@ -36,33 +37,46 @@ class AngleSpread:
         self.begin: tuple[float, float, float] | None = None
         """Time, variance of the angle and width of the first block."""
 
-    def compute_std(self, path: AnglePath, blocks: Array, rate: Array, scale: Array) -> Array:
-        """σ (n,) of the angle in the middles of a piece's increments, NaN where the angle's own is
-        not stated.
+    def compute_std(
+        self,
+        path: AnglePath,
+        middles: Middles,
+        rows: slice,
+        blocks: Array,
+        rate: Array,
+        scale: Array,
+    ) -> Array:
+        """σ of the angle in the middles of the increments `rows` of a piece, NaN where the angle's
+        own is not stated.
 
-        blocks (b,): temperature or frequency of the blocks; rate and scale (n,): Ω and K.
+        blocks (b,): temperature or frequency of the piece's blocks; rate and scale (n,): Ω and K
+        of its increments. The others of its increments lie in the pieces beside it.
         """
+        noise = self._of_noise(path, middles, rows) * (path.mode_number / scale[rows]) ** 2
+        starts = range(rows.start, rows.stop, ROWS)
         parts = [
-            self._of_tables(path, blocks, rate, scale, slice(first, first + ROWS))
-            for first in range(0, len(path), ROWS)
+            self._of_tables(path, blocks, rate, scale, slice(k, min(k + ROWS, rows.stop)))
+            for k in starts
         ]
-        return np.sqrt(self._of_noise(path, scale) + np.concatenate(parts))
+        return np.sqrt(noise + self._of_walk(path, rows) + np.concatenate(parts))
 
-    def _of_noise(self, path: AnglePath, scale: Array) -> Array:
-        """Variance (n,) by the noise of the angle, m²(σ_0² + (σ_i² + σ_{i+1}²)/4)/K², and by the
-        walk, N²(t_i − t_0 + (Δt − w)/4) with t_i the start of the increment; of the run's first
-        increment it is half of its own change that counts."""
+    def _of_noise(self, path: AnglePath, middles: Middles, rows: slice) -> Array:
+        """Variance of θ by the windows' noise, over that of the run's first block."""
         variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
-        first = self.begin is None
+        before = None if self.begin is None else self.begin[1]
         if self.begin is None:
             self.begin = float(path.time_s[0]), float(variance[0]), float(path.width_s[0])
-        begin_s, of_first, width = self.begin
-        ends = (variance[1:] + variance[:-1]) / 4
-        noise = ends + of_first
-        walked = path.time_s[:-1] - begin_s + (path.interval_s - width) / 4
-        if first:
-            noise[0], walked[0] = ends[0], (path.interval_s[0] - width / 3) / 4
-        return np.asarray((path.mode_number / scale) ** 2 * noise + self.walk * walked)
+        return middles.compute_variance(variance, before)[rows]
+
+    def _of_walk(self, path: AnglePath, rows: slice) -> Array:
+        """Variance by the walk, N²(t_i − t_0 + (Δt − w)/4) with t_i the start of the increment; of
+        the run's first increment it is half of its own change that counts."""
+        assert self.begin is not None
+        begin_s, _, width = self.begin
+        start_s, step_s = path.time_s[:-1], path.interval_s
+        walked = start_s - begin_s + (step_s - width) / 4
+        walked = np.where(start_s == begin_s, (step_s - width / 3) / 4, walked)
+        return np.asarray(self.walk * walked[rows])
 
     def _of_tables(
         self, path: AnglePath, blocks: Array, rate: Array, scale: Array, some: slice

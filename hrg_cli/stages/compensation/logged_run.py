@@ -9,10 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.samples.rate_log import describe_left_out, find_stretches
-from ...fitting.tables.increments import ROWS_AT_ONCE
+from ...fitting.tables.increments import BESIDE, ROWS_AT_ONCE, find_good_blocks
 from ...records import Wave
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Windows of a run; the stretch of the rate log that each of its good blocks is in, 0 outside;
+    and which of the increments between these are the piece's own."""
+
+    wave: Wave
+    stretch: Array
+    own: slice
 
 
 @dataclass(frozen=True)
@@ -42,11 +52,10 @@ class LoggedRun:
         outside = describe_left_out(self.wave, self.stretch > 0)
         return [f"{outside} of its figures"] if outside else []
 
-    def split_pieces(self, windows: int) -> Iterator[tuple[Wave, Array]]:
-        """The wave in pieces, and on which stretch of the log each good block of `windows` stands.
+    def split_pieces(self, windows: int) -> Iterator[Piece]:
+        """The wave in pieces that overlap, whose increments follow each other without a gap.
 
-        Each begins with the last good block of the one before, so that no increment is lost between
-        them.
+        Each has a few blocks of `windows` of those beside it, by which the wave bends at its ends.
         """
         rows = len(self.wave)
         step = max(windows, ROWS_AT_ONCE // windows * windows)
@@ -54,24 +63,24 @@ class LoggedRun:
         while stop < rows:
             # a last piece shorter than the others goes with the one before it
             stop = rows if rows - stop < 2 * step else stop + step
-            piece = self.wave.rows(begin, stop)
-            kept = _good_blocks(piece, windows)
-            if len(kept) < 2:
+            first = max(begin - BESIDE * windows, 0)
+            last = min(stop + BESIDE * windows, rows)
+            wave = self.wave.rows(first, last)
+            good = wave.good() & np.isfinite(np.asarray(wave.time_s, float))
+            kept = np.flatnonzero(find_good_blocks(good, windows))
+            inside = np.flatnonzero(
+                (kept * windows >= begin - first) & (kept * windows < stop - first)
+            )
+            if len(inside) < 2:
                 continue
-            yield piece, _find_block_stretches(self.stretch[begin:stop], windows)[kept]
-            begin += int(kept[-1]) * windows
+            stretch = _find_block_stretches(self.stretch[first:last], windows)[kept]
+            yield Piece(wave, stretch, slice(int(inside[0]), int(inside[-1])))
+            begin = first + int(kept[inside[-1]]) * windows
 
     def find_known_rates(self, of_log: Array) -> Array:
         """Increments (n,) whose rate is known: both blocks, of stretch `of_log` (n + 1,), are in
         the same one."""
         return (of_log[1:] == of_log[:-1]) & (of_log[1:] > 0) & self.logged
-
-
-def _good_blocks(piece: Wave, windows: int) -> Array:
-    """Numbers of the blocks of `windows` rows that are at least half good."""
-    good = np.asarray(piece.good())
-    count = np.add.reduceat(good.astype(int), np.arange(0, len(good), windows))
-    return np.flatnonzero(count >= max(1.0, windows / 2))
 
 
 def _find_block_stretches(stretch: Array, windows: int) -> Array:

@@ -13,6 +13,7 @@ from ...records import Calibration
 from ..calibration.residual_errors import CELLS_A_PERIOD
 from .against_log import AngleAgainstLog
 from .angle_spread import AngleSpread
+from .middles import Middles
 from .run_errors import MOST_RATES, RateSpread, Totals
 
 Array = np.ndarray
@@ -54,13 +55,13 @@ class RunSums:
         self.angle_rad = 0.0
         self.slowest_rad_s, self.fastest_rad_s = np.inf, -np.inf
 
-    def turn_on(self, rate_rad_s: Array, interval_s: Array) -> Array:
-        """The angle (n,) in the middles of a piece's increments, turned on from that of the
-        last."""
-        turned = rate_rad_s * interval_s
-        middle = self.angle_rad + np.cumsum(turned) - turned / 2
-        self.angle_rad += float(turned.sum())
-        return np.asarray(middle)
+    def turn_on(self, rate_rad_s: Array, path: AnglePath, middles: Middles, rows: slice) -> Array:
+        """The angle in the middles of the increments `rows` of a piece, turned on from that of the
+        last; rates (n,) of all its increments."""
+        angle_rad = np.concatenate([[0.0], np.cumsum(rate_rad_s * path.interval_s)])
+        angle_rad += self.angle_rad - angle_rad[rows.start]
+        self.angle_rad = float(angle_rad[rows.stop])
+        return middles.interpolate(angle_rad)[rows]
 
     def widen(self, rates_rad_s: Array) -> None:
         """Take in the range of a piece's rates."""

@@ -9,7 +9,7 @@ it was measured.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -18,6 +18,8 @@ from ...effects.effect import Effect, find_frame
 from ...errors import HrgError
 from ...fitting.causes import extended_fit, fit_point, slow_equation, slow_prediction
 from ...fitting.causes.coordinate_priors import CoordinatePriors
+from ...fitting.causes.descent import move_point
+from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.fit_point import Point
 from ...fitting.causes.measured_runs import MeasuredRuns
 from ...fitting.envelopes.base_freedom import choose_scale_factor
@@ -34,12 +36,33 @@ ROWS = 1500
 """Rows of the slow model along the run."""
 KNOWN = 0.05
 """Relative standard deviation up to which a run shows the scale factor."""
+TOLD = 0.02
+"""Part of what effects do to the motion from which it is told that it is not known better."""
 Hidden = tuple[Effect, dict[str, float]]
 ChangeAt = Callable[[Array], Array]
 """Times (n,) -> T (n, 2, 2)."""
 
 
-def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator | None) -> ChangeAt:
+@dataclass(frozen=True)
+class Change:
+    """The change T of a run's motion by effects, and what part of it the run alone does not tell:
+    0 where the resonator was given."""
+
+    at: ChangeAt
+    doubt: float
+
+    def list_doubts(self) -> list[str]:
+        """What to say of it; nothing where it is known well enough."""
+        if self.doubt < TOLD:
+            return []
+        part = f"to {self.doubt:.2g} of it" if self.doubt < 1 else "not at all"
+        return [
+            f"what the effects do to the motion is known {part}, since the model fitted to this"
+            " run alone is known no better; identify all runs of the gyro and give --resonator"
+        ]
+
+
+def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator | None) -> Change:
     """The change T of a run's motion by effects, u → T u, through the rows of the slow model.
 
     What jumps, jumps from the wave as it was measured.
@@ -55,8 +78,8 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
 
     Returns
     -------
-    callable
-        Times (n,) [s] -> T (n, 2, 2) complex.
+    Change
+        Times (n,) [s] -> T (n, 2, 2) complex, with its doubt.
 
     Raises
     ------
@@ -70,10 +93,10 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
     >>> import numpy as np
     >>> from hrg_cli.stages.injection.motion import integrate_change
     >>> from hrg_cli.stages.rehearsing.drawn_input import draw_input
-    >>> integrate_change(draw_input().wave, [], None)(np.array([0.5])).real.tolist()
+    >>> integrate_change(draw_input().wave, [], None).at(np.array([0.5])).real.tolist()
     [[[1.0, 0.0], [0.0, 1.0]]]
     """
-    series, point = _fit_model(wave, resonator)
+    series, point, known = _fit_model(wave, resonator)
     smooth = tuple((effect, p) for effect, p in moving if effect.slow_jump is None)
     changes = []
     if smooth:
@@ -98,7 +121,41 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
             changes.append(
                 _change_after(series, replace(point, active=smooth), instant, before, before + jump)
             )
-    return partial(_chain_changes, changes)
+    return Change(partial(_chain_changes, changes), _find_doubt(series, known, smooth))
+
+
+def _find_doubt(series: MeasuredRuns, fit: ExtendedFit | None, smooth: tuple[Hidden, ...]) -> float:
+    """Error of (T − 1) u over its size, rms over the run, by what the fit to the run leaves open
+    of the resonator, and by what it misses of the wave; None: the resonator was given."""
+    if fit is None or not smooth:
+        return 0.0
+
+    def change(point: Point) -> Array:
+        plain, changed = (
+            _complete_envelopes(_predict_motion(series, replace(point, active=active)))
+            for active in ((), smooth)
+        )
+        return np.asarray(changed @ np.linalg.inv(plain))
+
+    u = _predict_motion(series, fit.point)[..., None]
+    size, spread = change(fit.point), 0.0
+    missed = 0.0 if fit.is_adequate else np.sqrt(fit.chi2 / fit.dof) / _find_usual_clearness(series)
+    power, directions = np.linalg.eigh(fit.covariance)
+    try:
+        for std, direction in zip(np.sqrt(np.maximum(power, 0.0)), directions.T, strict=True):
+            moved = move_point(fit.point, fit.layout, std * direction)
+            spread += float(np.sum(np.abs((change(moved) - size) @ u) ** 2))
+    except (HrgError, np.linalg.LinAlgError):
+        return np.inf
+    known = np.sqrt(spread / np.sum(np.abs((size - np.eye(2)) @ u) ** 2))
+    return float(np.hypot(known, missed))
+
+
+def _find_usual_clearness(series: MeasuredRuns) -> float:
+    """Amplitude over σ, the median of a run's rows."""
+    good = series.weight > 0
+    amplitude = np.linalg.norm(series.envelope, axis=-1)
+    return float(np.median((amplitude * series.weight)[good]))
 
 
 def _chain_changes(changes: Sequence[ChangeAt], times: Array) -> Array:
@@ -154,9 +211,11 @@ def _change_after(
     return at
 
 
-def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, Point]:
+def _fit_model(
+    wave: Wave, resonator: Resonator | None
+) -> tuple[MeasuredRuns, Point, ExtendedFit | None]:
     """The run's rows and the slow model's start in them; the resonator is given, or fitted to this
-    run.
+    run: then the fit with all that is free in it, too.
 
     A run that does not show the scale factor (no rate, or a constant one) has the nominal one.
     """
@@ -175,12 +234,16 @@ def _fit_model(wave: Wave, resonator: Resonator | None) -> tuple[MeasuredRuns, P
         point, free = replace(point, p=p), CoordinatePriors(p, np.zeros(COUNT))
     try:
         fit = extended_fit.fit(series, point, free)
-        if resonator is None and not fit.coordinate_std("scale_factor") < KNOWN * abs(
-            fit.coordinate("scale_factor")
-        ):
-            nominal = choose_scale_factor(wave.mode_number)
-            fit = extended_fit.fit(series, point, free.hold("scale_factor", nominal))
-        return series, fit.point
+        if resonator is not None:
+            return series, fit.point, None
+        if free.loose is not None and not fit.is_adequate:
+            # a nominal scale factor that the run contradicts is not the gyro's
+            fit = min(fit, extended_fit.fit(series, fit.point, free.loose), key=lambda f: f.chi2)
+        if fit.coordinate_std("scale_factor") < KNOWN * abs(fit.coordinate("scale_factor")):
+            return series, fit.point, fit
+        nominal = choose_scale_factor(wave.mode_number)
+        held = extended_fit.fit(series, point, free.hold("scale_factor", nominal))
+        return series, held.point, fit
     except extended_fit.DivergedError as error:
         raise HrgError(
             f"the slow model finds no fit to this run ({error}); give a --resonator that was"

@@ -14,7 +14,7 @@ from ...effects.effect import find_frame
 from ...errors import HrgError
 from ...physics.plant import Readout, Samples
 from ...records import Recording, Wave
-from .motion import ChangeAt
+from .motion import Change
 from .oscillation import Oscillation, interpolate_oscillation
 
 Array = np.ndarray
@@ -32,7 +32,7 @@ class Injection:
 
     recording: Recording
     wave: Wave
-    change: ChangeAt | None
+    change: Change | None
     pickoff: Readout
     logs: Mapping[str, Array]
     moved: bool
@@ -67,18 +67,19 @@ class Injection:
                 f"{self.name}: the effects do nothing in it (a free run has no drive, a constant"
                 " temperature no ramp); see `hrg effects`"
             )
-        yield last.judged(
-            [f"{clipped} samples lay beyond the range of {source.c.dtype} and were clipped to it"]
-            if clipped
-            else []
-        )
+        doubts = [] if self.change is None else self.change.list_doubts()
+        if clipped:
+            doubts.append(
+                f"{clipped} samples lay beyond the range of {source.c.dtype} and were clipped to it"
+            )
+        yield last.judged(doubts)
 
     def _apply_effects(self, t: Array, y: Array, oscillation: Oscillation) -> Array:
         """Samples (2, n) about their mean position with the effects in them."""
         q = oscillation.interpolate(t)
         # the motion first: what a read-out does, it does to the motion as it then is
         if self.change is not None:
-            moved = np.einsum("nij,nj->ni", self.change(t), q)
+            moved = np.einsum("nij,nj->ni", self.change.at(t), q)
             # only the difference is added, so the recording keeps its noise and its harmonics
             y, q = y + np.real(moved - q).T, moved
         drive = self._drive(t, q)

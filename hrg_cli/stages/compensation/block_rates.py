@@ -1,0 +1,98 @@
+"""Rates of increments that several windows make up, found window by window: within them the wave
+may turn as far as it will."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...fitting.tables.increments import AnglePath, build_path, find_good_blocks
+from ...records import Calibration, Wave
+from ..calibration.interpolation import compute_corrections
+
+Array = np.ndarray
+
+
+def find_rates(path: AnglePath, calibration: Calibration) -> Array:
+    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K.
+
+    Parameters
+    ----------
+    path
+        n increments, within which D and K change little or evenly.
+    calibration
+        The tables.
+
+    Returns
+    -------
+    ndarray
+        (n,) [rad/s], against the stars.
+
+    Examples
+    --------
+    Tables that hold the same at all angles, K = 0.5 and a drift of 0.1 rad/s; the wave stands:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
+    >>> from hrg_cli.stages.compensation.block_rates import find_rates
+    >>> path = draw_path(blocks=3)
+    >>> tables = Told(
+    ...     axis="temperature", details="{}",
+    ...     values_at=lambda x, angle, travel: (0.1 * np.ones(len(x)), 0.5 * np.ones(len(x))),
+    ... )
+    >>> find_rates(replace(path, angle_rad=0 * path.angle_rad), tables).tolist()
+    [0.2, 0.2]
+    """
+    drift, scale = compute_corrections(calibration, path)
+    return np.asarray((drift - path.turn / path.interval_s) / scale)
+
+
+def find_block_rates(
+    wave: Wave, path: AnglePath, calibration: Calibration, windows: int, earth_rate_rad_s: float
+) -> Array:
+    """Mean rates of increments whose ends are means of several windows.
+
+    With the angle Φ that the windows' own rates sum up to, Ω_i = (Φ̄_{i+1} − Φ̄_i)/Δt by the means
+    over the blocks: the triangle of both, whatever D and K do under it.
+
+    Parameters
+    ----------
+    wave
+        The windows.
+    path
+        The same, averaged to the blocks; n increments.
+    calibration
+        The tables.
+    windows
+        A block.
+    earth_rate_rad_s
+        The Earth's rotation about the gyro's axis.
+
+    Returns
+    -------
+    ndarray
+        (n,) [rad/s], against the stars.
+
+    Examples
+    --------
+    See `compensate`, whose `windows_per_increment` this is:
+
+    >>> from hrg_cli.stages.compensation.block_rates import find_block_rates
+    >>> find_block_rates.__name__
+    'find_block_rates'
+    """
+    if windows == 1:
+        return find_rates(path, calibration)
+    each = build_path(
+        wave, harmonics=0, earth_rate_rad_s=earth_rate_rad_s, per_block=1, need_rate=False
+    )
+    turned = find_rates(each, calibration) * each.interval_s
+    angle_rad = np.concatenate([[0.0], np.cumsum(turned)])
+    good = wave.good() & np.isfinite(np.asarray(wave.time_s, float))
+    kept = find_good_blocks(good, windows)
+    block = np.flatnonzero(good) // windows
+    inside = kept[block]
+    number = (np.cumsum(kept) - 1)[block[inside]]
+    means = np.bincount(number, angle_rad[inside]) / np.bincount(number)
+    return np.asarray(np.diff(means) / path.interval_s)
