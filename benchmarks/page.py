@@ -28,6 +28,7 @@ ORDER = (
     "identify",
     "calibrate",
     "diagnose",
+    "power",
 )
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -93,7 +94,7 @@ def page(names: list[str], earlier: Path | None = None) -> str:
     }
     minutes = (time.perf_counter() - started) / 60
     head = (
-        "# Speed of the whole\n\nMade by `python benchmarks/page.py docs/BENCHMARKS.md`; do not edit."
+        "# Benchmarks\n\nMade by `python benchmarks/page.py docs/BENCHMARKS.md`; do not edit."
         " Each section has its day and the commit it was measured on.\n\n"
         f"{machine()} The last run ({', '.join(names) or 'all'}) took {minutes:.1f} minutes; other"
         f" programs kept {before:.1f} cores busy when it began.\n"
