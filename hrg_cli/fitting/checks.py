@@ -19,6 +19,8 @@ CHANCE = 1e-4
 NOISE_KNOWN = 0.1
 """Part of the noise's variance to which the windows know it: χ² per degree of freedom cannot be
 judged more sharply."""
+NOISE_SHOWN = 0.5
+"""Part of the stated variance that must be seen: standard deviations √2 too large are told."""
 FEWEST_BLOCKS = 6
 """Blocks from which the scatter of block sums is judged."""
 SLOW_BLOCKS = 16
@@ -290,6 +292,52 @@ def check_whiteness(
     )
 
 
+def check_noise_shown(residuals: Sequence[Array], name: str = "noise_shown") -> Check:
+    """Whether the rows, or long averages of them, show at least half of the variance they state.
+
+    Behind a lock-in's filter rows scatter by less than a long average needs, which is what they
+    state: only what no length of average shows is not there.
+
+    Parameters
+    ----------
+    residuals
+        Over the stated σ, an array (n,) or (n, k) a run, in the order of time.
+    name
+        Key of the check.
+
+    Returns
+    -------
+    Check
+        The largest variance over the stated one of 1, 2, 4, 8 … rows together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import check_noise_shown
+    >>> white = np.random.default_rng(1).standard_normal(4000)
+    >>> check_noise_shown([white]).passed, check_noise_shown([0.3 * white]).passed
+    (True, False)
+    """
+    from scipy.special import chdtri
+
+    count = sum(np.size(r) for r in residuals)
+    # the largest of several scatters upwards: two standard deviations of each are taken off
+    shown = max(
+        (float(power / (1 + 2 * np.sqrt(2 / n))) for power, n in _sum_blocks(residuals)),
+        default=np.nan,
+    )
+    limit = min(NOISE_SHOWN, float(chdtri(count, 1 - CHANCE)) / count) if count else 0.0
+    return Check(
+        name,
+        shown,
+        limit,
+        not shown < limit,
+        f"the windows state {shown**-0.5 if shown > 0 else np.inf:.2g} times the noise that is seen"
+        " between them (a hum or a tone that each of them holds): the standard deviations are that"
+        " much too large; take it out of the recording, or give windows of whole periods of it",
+    )
+
+
 def measure_slow_part(residuals: Sequence[Array]) -> float:
     """Power of the residuals' slow part over that of white noise of their own level: what colour
     does to a variance.
@@ -317,26 +365,27 @@ def measure_slow_part(residuals: Sequence[Array]) -> float:
     >>> measure_slow_part([held]) > 3.9
     True
     """
-    level = (
-        np.concatenate([np.asarray(r, float).ravel() for r in residuals])
-        if residuals
-        else np.zeros(0)
-    )
-    variance = float(np.mean(level**2)) if len(level) else 0.0
-    worst, length = 1.0, 2
-    while variance > 0:
-        sums = [
-            np.asarray(r, float)[: len(r) // length * length]
-            .reshape(len(r) // length, length, -1)
-            .sum(axis=1)
-            for r in residuals
-        ]
-        joined = np.concatenate([s.ravel() for s in sums])
-        if len(joined) < SLOW_BLOCKS:
+    (variance, _), *longer = _sum_blocks(residuals) or [(0.0, 0)]
+    return max([1.0, *(power / variance for power, _ in longer)]) if variance > 0 else 1.0
+
+
+def _sum_blocks(residuals: Sequence[Array]) -> list[tuple[float, int]]:
+    """Mean square of the sums over blocks of 1, 2, 4, 8 … rows, a row, and the number of sums: of
+    all lengths of which there are at least `SLOW_BLOCKS`, the first of any."""
+    rows = [np.asarray(r, float).reshape(len(r), -1) for r in residuals if len(r)]
+    out, length = list[tuple[float, int]](), 1
+    while rows:
+        sums = np.concatenate(
+            [
+                r[: len(r) // length * length].reshape(-1, length, r.shape[1]).sum(axis=1).ravel()
+                for r in rows
+            ]
+        )
+        if length > 1 and len(sums) < SLOW_BLOCKS:
             break
-        worst = max(worst, float(np.mean(joined**2)) / length / variance)
+        out.append((float(np.mean(sums**2)) / length, len(sums)))
         length *= 2
-    return worst
+    return out
 
 
 def check_covariance(covariance: Array, sentence: str = "", name: str = "covariance") -> Check:
@@ -380,7 +429,8 @@ def check_statistics(
     sentence: str = "",
     coloured: str = "",
 ) -> list[Check]:
-    """The two statistical checks that close every fit: χ² at the stated noise, and white residuals.
+    """The statistical checks that close every fit: χ² at the stated noise, white residuals, and
+    that the noise is there.
 
     Parameters
     ----------
@@ -396,7 +446,7 @@ def check_statistics(
     Returns
     -------
     list of Check
-        One or two.
+        One or three.
 
     Examples
     --------
@@ -406,11 +456,12 @@ def check_statistics(
     >>> from hrg_cli.fitting.checks import check_statistics
     >>> slow = np.sin(np.linspace(0, 6.0, 2000))
     >>> [check.passed for check in check_statistics(float(slow @ slow), 2000, [slow])]
-    [True, False]
+    [True, False, True]
     """
     checks = [check_goodness(chi2, dof, sentence)]
     if len(residuals):
         checks.append(check_whiteness(residuals, coloured, allowed=NOISE_KNOWN, stated=1.0))
+        checks.append(check_noise_shown(residuals))
     return checks
 
 

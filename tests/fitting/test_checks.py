@@ -51,6 +51,18 @@ def test_the_largest_chi_square_is_its_quantile_and_what_the_noise_is_known_to(d
     assert not checks.check_goodness(1.01 * (limit + checks.NOISE_KNOWN) * dof, dof).passed
 
 
+def test_noise_that_nothing_shows_is_told_and_a_filters_is_not():
+    """A third of the stated σ, in runs of unequal length; then rows behind a filter, whose long
+    averages need what they state; then too few rows to say so."""
+    random = np.random.default_rng(4)
+    runs = [random.standard_normal((n, 2)) / 3 for n in (40, 900, 2000)]
+    found = checks.check_noise_shown(runs)
+    assert not found.passed and 2.6 < found.value**-0.5 < 3.1
+    behind = np.convolve(random.standard_normal(20_000), np.full(8, 1 / 8), "valid")
+    assert np.var(behind) < 0.2 and checks.check_noise_shown([behind]).passed
+    assert checks.check_noise_shown([random.standard_normal(6) / 3]).passed
+
+
 def test_what_is_not_a_number_fails():
     nan = float("nan")
     for check in (

@@ -296,7 +296,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("len(chances) * min(chances)", "min(chances)"),
             ("or np.any(variance < 0)", ""),
             ("* (1 - np.eye(len(matrix)))", ""),
-            ("float(np.mean(joined**2)) / length / variance", "float(np.mean(joined**2)) / variance"),
+            ("float(np.mean(sums**2)) / length", "float(np.mean(sums**2))"),
         ),
     ),
     "stages/diagnosis/search/gain.py": (
@@ -356,10 +356,10 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/compensation/middles.py": (
-        "tests/stages/test_compensate.py tests/stages/compensation/test_compensate_std.py",
+        "tests/stages/compensation/test_middles.py",
         (
-            ("step**2 / 8 + blur**2 / 24", "step**2 / 8"),
-            ("weight = self.weight - first", "weight = self.weight"),
+            ("half = path.blur_s[blocks] / size / 2", "half = 0 * path.blur_s[blocks]"),
+            ("(self.weight - first) ** 2", "self.weight**2"),
         ),
     ),
     "stages/calibration/interpolation.py": (

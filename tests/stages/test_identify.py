@@ -186,6 +186,25 @@ def test_coloured_residuals_widen_the_errors():
     assert details(record)["variance_factor"] > 3 * record.chi2_per_dof
 
 
+def test_windows_that_state_more_noise_than_there_is_are_told():
+    """As a hum does that all windows hold alike: values within a tenth of their σ, "valid"."""
+    waves = [
+        wave.replace(
+            **{
+                name: 3 * np.asarray(getattr(wave, name))
+                for name in ("main_amplitude_std", "quadrature_amplitude_std", "wave_angle_rad_std")
+            },
+            phase_rad_std=3 * np.asarray(wave.phase_rad_std),
+            signal_std=3 * np.asarray(wave.signal_std),
+        )
+        for wave in programme(GYRO, seed=7)
+    ]
+    record = identify(waves)
+    assert record.status == "suspect" and any(
+        "state 3" in why and "too large" in why for why in record.status_reasons
+    )
+
+
 def test_profile_and_bootstrap_agree_with_the_covariance_where_all_is_linear():
     record = identify(programme(std=1e-3, seed=4), profile=True, bootstrap=200)
     plain = identify(programme(std=1e-3, seed=4))
