@@ -208,6 +208,7 @@ def calibrate(
         "stray_harmonics": strays,
         "rate_log": None if late is None else late.to_json(),
         "suspect_runs": odd.to_json() if odd else None,
+        "driven": any(wave.mode == "forced" for wave in runs.usable.waves),
         **tried.list_details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
     if ladder and not refusals:

@@ -196,7 +196,7 @@ def _compensate_pieces(
             residual_after_rad_s=None if errors is None else errors.after_rad_s,
             details=json.dumps(sums.compute_figures()),
         )
-        judged = _judge_rates(record, calibration, sums, run.name)
+        judged = _judge_rates(record, calibration, sums, run)
         yield judged.judged(list_failures([sums.against.check()]))
     if not np.isfinite(sums.slowest_rad_s):
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
@@ -281,7 +281,7 @@ def _smooth(rate: Array, increments: int = 200) -> Array:
 
 
 def _judge_rates(
-    record: Compensated, calibration: Calibration, sums: RunSums, name: str
+    record: Compensated, calibration: Calibration, sums: RunSums, run: LoggedRun
 ) -> Compensated:
     """Refuse rates of the wrong sign, doubt rates outside those calibrated; a stream keeps the last
     record's verdict."""
@@ -290,6 +290,12 @@ def _judge_rates(
         if calibration.status == "suspect"
         else []
     )
+    if run.wave.mode == "free" and json.loads(calibration.details or "{}").get("driven"):
+        reasons.append(
+            f"{run.name} is free by its file and the tables are of driven runs: what the drive does"
+            " to the drift is in them; import it with --mode forced, or take its rate by the"
+            " resonator (hrg rate)"
+        )
     totals, slowest, fastest = sums.totals, sums.slowest_rad_s, sums.fastest_rad_s
     scale_factor = _mean_scale_factor(calibration)
     if totals is not None and np.isfinite(totals.scale_factor_seen):
@@ -300,8 +306,8 @@ def _judge_rates(
         strong = rms_rate > 20 * float(np.abs(calibration.drift_rad_s).max()) / abs(scale_factor)
         if strong and seen * scale_factor < 0:
             raise HrgError(
-                f"{name}: the wave turns with the logged rate (K = {seen:.3g}), the tables have K ="
-                f" {scale_factor:.3g}; the sign of the rate log or of a channel is reversed"
+                f"{run.name}: the wave turns with the logged rate (K = {seen:.3g}), the tables have"
+                f" K = {scale_factor:.3g}; the sign of the rate log or of a channel is reversed"
             )
         if strong and abs(seen / scale_factor - 1) > 0.05:
             reasons.append(

@@ -193,3 +193,8 @@ def test_tables_that_have_aged_are_contradicted_by_the_runs_own_log(tables, trut
     without = collect(compensate(later.replace(rate_rad_s=None), tables))
     assert without.status == "valid" and "angle_against_log" not in summarise(without)
     assert summarise(collect(compensate(run, tables)))["angle_against_log"]["largest_over_std"] < 5
+
+
+def test_a_free_run_under_tables_of_driven_ones_is_doubted(tables, run):
+    done = collect(compensate(run.replace(mode="free"), tables))
+    assert done.status == "suspect" and "the tables are of driven runs" in done.status_reasons[-1]
