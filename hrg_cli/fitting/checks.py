@@ -323,7 +323,7 @@ def check_noise_shown(residuals: Sequence[Array], name: str = "noise_shown") -> 
     count = sum(np.size(r) for r in residuals)
     # the largest of several scatters upwards: two standard deviations of each are taken off
     shown = max(
-        (float(power / (1 + 2 * np.sqrt(2 / n))) for power, n in _sum_blocks(residuals)),
+        (float(power / (1 + 2 * np.sqrt(2 / n))) for power, n in list_block_powers(residuals)),
         default=np.nan,
     )
     limit = min(NOISE_SHOWN, float(chdtri(count, 1 - CHANCE)) / count) if count else 0.0
@@ -365,13 +365,33 @@ def measure_slow_part(residuals: Sequence[Array]) -> float:
     >>> measure_slow_part([held]) > 3.9
     True
     """
-    (variance, _), *longer = _sum_blocks(residuals) or [(0.0, 0)]
+    (variance, _), *longer = list_block_powers(residuals) or [(0.0, 0)]
     return max([1.0, *(power / variance for power, _ in longer)]) if variance > 0 else 1.0
 
 
-def _sum_blocks(residuals: Sequence[Array]) -> list[tuple[float, int]]:
-    """Mean square of the sums over blocks of 1, 2, 4, 8 … rows, a row, and the number of sums: of
-    all lengths of which there are at least `SLOW_BLOCKS`, the first of any."""
+def list_block_powers(residuals: Sequence[Array]) -> list[tuple[float, int]]:
+    """Mean squares of the sums over blocks of 1, 2, 4, 8 … rows, a row.
+
+    Parameters
+    ----------
+    residuals
+        An array (n,) or (n, k) a run, in the order of time.
+
+    Returns
+    -------
+    list of tuple
+        Mean square over the length, and the number of sums: of all lengths of which there are at
+        least `SLOW_BLOCKS`, the first of any.
+
+    Examples
+    --------
+    Of white noise all are its variance; of a constant they grow as the length:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.checks import list_block_powers
+    >>> list_block_powers([np.ones(64)])
+    [(1.0, 64), (2.0, 32), (4.0, 16)]
+    """
     rows = [np.asarray(r, float).reshape(len(r), -1) for r in residuals if len(r)]
     out, length = list[tuple[float, int]](), 1
     while rows:

@@ -76,11 +76,29 @@ def find_block_rates(
 
     Examples
     --------
-    See `compensate`, whose `windows_per_increment` this is:
+    Forty windows of a wave that turns by −KΩt/m, K = 0.3 and 0.1 rad/s, ten by ten:
 
+    >>> from types import SimpleNamespace as Told
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.increments import build_path
+    >>> from hrg_cli.records import Wave
     >>> from hrg_cli.stages.compensation.block_rates import find_block_rates
-    >>> find_block_rates.__name__
-    'find_block_rates'
+    >>> t = np.arange(40.0)
+    >>> sized = ["main_amplitude", "quadrature_amplitude"]
+    >>> sized += ["wave_angle_rad", "phase_rad", "carrier_phase_rad"]
+    >>> others = [*sized, *(f"{name}_std" for name in sized)]
+    >>> others += ["residual_rms", "signal_std", "frequency_hz"]
+    >>> wave = Wave(**dict.fromkeys(others, np.ones(40)) | dict(
+    ...     time_s=t, flags=np.zeros(40, "u1"), iterations=np.zeros(40, "i4"), mode="forced",
+    ...     window_s=1.0, reference_frequency_hz=5e3, wave_angle_rad=-0.3 * 0.1 / 2 * t,
+    ... ))
+    >>> tables = Told(
+    ...     axis="frequency", details="{}",
+    ...     values_at=lambda x, angle, travel: (np.zeros(len(x)), 0.3 * np.ones(len(x))),
+    ... )
+    >>> path = build_path(wave, harmonics=0, per_block=10, need_rate=False)
+    >>> find_block_rates(wave, path, tables, 10, 0.0).round(9).tolist()
+    [0.1, 0.1, 0.1]
     """
     if windows == 1:
         return find_rates(path, calibration)
