@@ -342,7 +342,7 @@ def _parameters(
             for v in list_entries(report, "values")
             if not v.get("assumed")
         ]
-        of = "extended model" if list_entries(report, "effects") else "model"
+        of = _name_extended_model(report) if list_entries(report, "effects") else "model"
     elif isinstance(resonator, Resonator):
         rows, of = [(name, *row) for name, row in resonator.parameters().items()], "resonator"
     else:
@@ -360,6 +360,17 @@ def _parameters(
         if isinstance(value, int | float) and isinstance(std, int | float)
     ]
     return tuple(found), of
+
+
+def _name_extended_model(report: Mapping[str, Any]) -> str:
+    """With the temperature that its values are those of, where they follow it."""
+    temperatures = {
+        float(one["value"])
+        for effect in list_entries(dict(report), "effects")
+        if isinstance(one := effect.get("held", {}).get("reference_temperature_degc"), dict)
+    }
+    at = f" at {temperatures.pop():.4g} °C" if len(temperatures) == 1 else ""
+    return f"extended model{at}"
 
 
 def _say_farthest(moved: tuple[MovedFigure, ...]) -> str:
