@@ -129,19 +129,28 @@ class RungeKuttaStage:
         force = self._along(v, v)
         return force if self.lead == 0 else self._along(v + self.lead * force, v)
 
+    def compute_main_command(self, v: Array) -> Array:
+        """a_ΦA of the drive on the envelopes: as logged, or what holds the measured amplitude."""
+        return self._hold(find_frame(v, self.state.phase_rad), v)
+
+    def _hold(self, frame: tuple[Array, ...], v: Array) -> Array:
+        """The main command in the frame of envelopes that move as v does."""
+        if not self.holds:
+            return self.main
+        # the amplitude's own equation solved for the force, and a slow pull to where it was
+        # measured
+        turn, e_A, _, a_A = frame
+        loss = np.real(np.sum(apply_generators(self.L, v) * e_A, axis=-1) * np.conj(turn))
+        return np.where(
+            np.isfinite(self.held),
+            self.held_slope - loss + self.follow_1_s * (self.held - a_A),
+            self.main,
+        )
+
     def _along(self, u: Array, v: Array) -> Array:
         """The drive along the axes of envelopes u that move as v does."""
-        turn, e_A, e_B, a_A = find_frame(u, self.state.phase_rad)
-        main = self.main
-        if self.holds:
-            # the amplitude's own equation solved for the force, and a slow pull to where it was
-            # measured
-            loss = np.real(np.sum(apply_generators(self.L, v) * e_A, axis=-1) * np.conj(turn))
-            main = np.where(
-                np.isfinite(self.held),
-                self.held_slope - loss + self.follow_1_s * (self.held - a_A),
-                main,
-            )
+        frame = find_frame(u, self.state.phase_rad)
+        main, (turn, e_A, e_B, _) = self._hold(frame, v), frame
         if self.frame_turn is not None:
             turn, e_A, e_B = _turned(turn, e_A, e_B, self.frame_turn)
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)

@@ -37,7 +37,6 @@ HELD = (
     "temperature_rate_degc_s",
     "branch",
     "forced",
-    "held_amplitude",
     "held_slope",
 )
 """Columns that stay what they are at the first row."""
@@ -133,16 +132,21 @@ def run_table(
 
 def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
     """The wave with the modelled motion's amplitudes: the simulated loops see those, without noise
-    and the read-out's defects."""
+    and the read-out's defects. A drive without a log has the command that the model gives it."""
     good = [fit.series.weight[k] > 0 for k in own]
     times = np.concatenate([fit.series.time_s[k][g] for k, g in zip(own, good, strict=True)])
     shown = fit.flow.rows.compute_displacement(fit.prediction.motion)
     u = np.concatenate([shown[k][g] for k, g in zip(own, good, strict=True)])
     a_A, a_B = ellipse.find_wave(u, fit.series.mode_number)[:2]
     t = np.asarray(wave.time_s, float)
-    return wave.replace(
+    moving = wave.replace(
         main_amplitude=np.interp(t, times, a_A), quadrature_amplitude=np.interp(t, times, a_B)
     )
+    if not np.isfinite(fit.series.held_amplitude[own]).any():
+        return moving
+    main = fit.flow.rows.compute_main_command(fit.prediction.motion)
+    held = np.concatenate([main[k][g] for k, g in zip(own, good, strict=True)])
+    return moving.replace(drive_main=np.interp(t, times, held))
 
 
 def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
@@ -167,6 +171,8 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
+    # the pull to a held amplitude goes forwards: backwards it would grow, from where the fit is
+    held = ellipse.find_wave(fit.prediction.motion[[k], :1], series.mode_number)[0]
     back = replace(
         series.drop_shared_doubt(),
         time_s=times,
@@ -186,6 +192,9 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
         quadrature_impulse=integrate_command(wave, "drive_quadrature", times[0], series.forced)[
             None
         ],
+        held_amplitude=np.where(
+            np.isfinite(series.held_amplitude[:, :1]), along(held, series.held_slope[:, :1]), np.nan
+        ),
         **columns,
     )
     point = Point(

@@ -8,6 +8,7 @@ import pytest
 from diagnosis_programme import programme, verdict, waves
 
 from hrg_cli.physics import ellipse
+from hrg_cli.stages.diagnose import diagnose, summarise
 
 
 def envelopes(wave):
@@ -83,3 +84,19 @@ def test_the_loops_of_a_forced_run_are_given_back():
     out, found = misfit(table)
     assert [e["name"] for e in out["effects"]] == ["parasitic_force"]
     assert found.max() < 6
+
+
+def test_the_amplitude_loop_of_a_drive_without_a_log_is_given_back():
+    """Its command is the one that holds the measured amplitude; carried back to the run's begin, the
+    pull to that grew by e¹⁰, and a set amplitude taken for the measured one stood 10 σ off."""
+    table = programme(15, forced=True, runs=4)
+    for run in table["run"]:
+        if "control" in run:
+            run["control"]["amplitude"] = 1.002 * run["start"]["amplitude"]
+            run["start"]["quadrature"] = 0.05
+    found = summarise(
+        diagnose([w.replace(drive_main=None, drive_quadrature=None) for w in waves(table)])
+    )
+    written = found["written_model"]
+    assert found["verdict"] == "adequate"
+    assert written["rms_over_noise"] < 1.1 * written["fitted_rms_over_noise"]
