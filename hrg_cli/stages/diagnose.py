@@ -67,6 +67,7 @@ from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,
     find_stuck_columns,
+    suspect_plain_run,
     suspect_quiet_run,
     suspect_runs,
 )
@@ -249,6 +250,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         raise HrgError(contradiction)
     # a gross misfit has no motion to average rows along; the causes that leave least of it have one
     cut = cut.follow(near(cut.base))
+    if plain := suspect_plain_run(asked.waves, asked.fit, cut.untouched, candidates):
+        return refuse(asked.waves, cut.untouched, asked.searched, list(plain), asked.resonator)
     # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
     result = _judge(asked, cut, case, pieces, tones)

@@ -9,8 +9,15 @@ catalogue by χ² + parameters·ln N at the noise of the best of them.
 from __future__ import annotations
 
 from ...suspicion import Suspicion
-from .quiet import QuietMistake, suspect_quiet_run
+from .quiet import QuietMistake, suspect_plain_run, suspect_quiet_run
 from .repeats import find_stuck_columns
 from .search import suspect_runs
 
-__all__ = ["QuietMistake", "Suspicion", "find_stuck_columns", "suspect_quiet_run", "suspect_runs"]
+__all__ = [
+    "QuietMistake",
+    "Suspicion",
+    "find_stuck_columns",
+    "suspect_plain_run",
+    "suspect_quiet_run",
+    "suspect_runs",
+]

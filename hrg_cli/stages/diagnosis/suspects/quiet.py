@@ -18,8 +18,10 @@ from ....errors import name_some
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
+from ..fits.scoring import score_effects
+from ..fits.variants import Variant
 from ..search.remainder import judge_adequacy, measure_smooth_part
-from ..thresholds import GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
+from ..thresholds import CLEARLY, GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
 from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
@@ -128,6 +130,49 @@ def suspect_quiet_run(
             return mistake
         doubtful = doubtful or mistake
     return doubtful if doubtful is not None and doubtful.causes else None
+
+
+def suspect_plain_run(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+) -> tuple[Suspicion, ...]:
+    """What one run did where a number of its own promises nearly all of the misfit, and clearly
+    more than any cause: told before causes are looked for, which takes long beside it.
+
+    Parameters
+    ----------
+    waves
+        As given, one a run.
+    fitted
+        The base model's fit to waves.
+    base
+        That of these waves.
+    candidates
+        Ways in which causes may stand.
+
+    Returns
+    -------
+    tuple of Suspicion
+        None where no number of one run stands out so, or no mistake of it leaves the noise.
+
+    Examples
+    --------
+    Runs that agree:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case, draw_fit, draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.quiet import suspect_plain_run
+    >>> suspect_plain_run(draw_waves(), fit_waves, draw_fit(), draw_case().inquiry.candidates)
+    ()
+    """
+    if base.is_adequate or is_any_logged(waves):
+        return ()
+    promised = find_largest_gain(base)
+    if promised < INSTEAD_OF_CAUSES * (base.chi2 - base.dof):
+        return ()
+    causes = (score.gain for score, _ in score_effects(base, candidates) if score.visible)
+    if promised - max(causes, default=0.0) < CLEARLY:
+        return ()
+    mistake = suspect_quiet_run(waves, fitted, base, base, failed=True)
+    return mistake.suspicions if mistake is not None and mistake.surely else ()
 
 
 def _find_leak(
