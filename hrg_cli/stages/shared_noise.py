@@ -2,8 +2,8 @@
 
 Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the
 cross-correlation of two runs' has a single peak where one is the other, exported again, rounded or
-cut. Runs that a simulator gave the same noise move otherwise, and lines that all recordings have
-make no single peak.
+cut, and both columns share it. Runs that a simulator gave the same noise move otherwise, and lines
+that all recordings have make no single peak.
 """
 
 from __future__ import annotations
@@ -200,11 +200,21 @@ def _compare(one: _Rows, other: _Rows) -> tuple[float, int] | None:
     if n < FEWEST_ROWS:
         return None
     mine, its = slice(a, a + n), slice(b, b + n)
-    power = np.sum(np.abs(one.noise[mine]) ** 2) * np.sum(np.abs(other.noise[its]) ** 2)
-    correlation = peak / float(np.sqrt(power))
+    correlation = _correlate(one.noise[mine], other.noise[its])
     if correlation < SHARED or not _move_alike(one, other, mine, its):
         return None
+    # what the polynomial leaves of one motion is in the angle alone
+    least = min(SHARED, max(SHARED / 2, 4 / np.sqrt(n)))
+    for part in (np.real, np.imag):
+        if _correlate(part(one.noise[mine]), part(other.noise[its])) < least:
+            return None
     return correlation, shift
+
+
+def _correlate(one: Array, other: Array) -> float:
+    """Of two columns (n,), real or complex."""
+    power = np.sum(np.abs(one) ** 2) * np.sum(np.abs(other) ** 2)
+    return float(np.sum(one * np.conj(other)).real / np.sqrt(power)) if power > 0 else 0.0
 
 
 def _move_alike(one: _Rows, other: _Rows, mine: slice, its: slice) -> bool:

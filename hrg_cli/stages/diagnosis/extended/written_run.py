@@ -171,8 +171,6 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
     columns: dict[str, Any] = {
         name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
     }
-    # the pull to a held amplitude goes forwards: backwards it would grow, from where the fit is
-    held = ellipse.find_wave(fit.prediction.motion[[k], :1], series.mode_number)[0]
     back = replace(
         series.drop_shared_doubt(),
         time_s=times,
@@ -192,15 +190,22 @@ def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -
         quadrature_impulse=integrate_command(wave, "drive_quadrature", times[0], series.forced)[
             None
         ],
-        held_amplitude=np.where(
-            np.isfinite(series.held_amplitude[:, :1]), along(held, series.held_slope[:, :1]), np.nan
-        ),
+        held_amplitude=_hold_from(fit, k, since),
         **columns,
     )
     point = Point(
         fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
     )
     return RungeKuttaStage(back, point).compute_displacement(march_motion(back, point))[0, -1]
+
+
+def _hold_from(fit: ExtendedFit, k: int, since: Array) -> Array:
+    """The amplitude (1, n) that a drive without a log keeps up at times `since` the first row: from
+    where the fit is, for the pull to the measured one, carried backwards, would grow."""
+    series = fit.series
+    motion = fit.prediction.motion[k, 0]
+    held = ellipse.find_wave(motion, series.mode_number)[0] + series.held_slope[k, 0] * since
+    return np.where(np.isfinite(series.held_amplitude[k, 0]), held, np.nan)
 
 
 def _environment(

@@ -163,12 +163,17 @@ def suspect_plain_run(
     >>> suspect_plain_run(draw_waves(), fit_waves, draw_fit(), draw_case().inquiry.candidates)
     ()
     """
-    if base.is_adequate or is_any_logged(waves):
+    if is_any_logged(waves):
         return ()
     promised = find_largest_gain(base)
-    if promised < INSTEAD_OF_CAUSES * (base.chi2 - base.dof):
+    if promised < max(INSTEAD_OF_CAUSES * (base.chi2 - base.dof), 2 * CLEARLY):
         return ()
-    causes = (score.gain for score, _ in score_effects(base, candidates) if score.visible)
+    # a step at a run's first rows is that run's own number, spelled with more of them
+    causes = (
+        score.gain
+        for score, variant in score_effects(base, candidates)
+        if score.visible and not variant.effect.of_one_run
+    )
     if promised - max(causes, default=0.0) < CLEARLY:
         return ()
     mistake = suspect_quiet_run(waves, fitted, base, base, failed=True)
