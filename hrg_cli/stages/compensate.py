@@ -197,7 +197,8 @@ def _compensate_pieces(
             details=json.dumps(sums.compute_figures()),
         )
         judged = _judge_rates(record, calibration, sums, run)
-        yield judged.judged(list_failures([sums.against.check()]))
+        truncated = sums.judge_truncation(found.angle_std)
+        yield judged.judged(list_failures([*sums.against.list_checks(), truncated]))
     if not np.isfinite(sums.slowest_rad_s):
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 

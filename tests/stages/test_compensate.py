@@ -75,7 +75,7 @@ def test_the_angle_of_a_swing_is_that_of_its_time(tables, truth, windows):
     )
     done = collect(compensate(run, tables, windows_per_increment=windows))
     true = -0.4 / 1.5 * np.cos(1.5 * done.time_s)
-    off = done.angle_estimate_rad - true - np.mean(-0.4 / 1.5 * -np.cos(1.5 * run.time_s[:windows]))
+    off = done.angle_estimate_rad - true - 0.4 / 1.5 * np.cos(1.5 * run.time_s[:windows].mean())
     assert np.abs(off / done.angle_estimate_rad_std).max() < 5
 
 
@@ -198,3 +198,22 @@ def test_tables_that_have_aged_are_contradicted_by_the_runs_own_log(tables, trut
 def test_a_free_run_under_tables_of_driven_ones_is_doubted(tables, run):
     done = collect(compensate(run.replace(mode="free"), tables))
     assert done.status == "suspect" and "the tables are of driven runs" in done.status_reasons[-1]
+
+
+def test_increments_too_long_for_a_swing_are_told(tables, truth):
+    """A second and a half at 1.5 rad/s: between the blocks the angle is anybody's."""
+    run = forced_run(
+        truth, lambda t: 15 + 0 * t, lambda t: 0.4 * np.sin(1.5 * t), 40, 7, noise=1e-6
+    )
+    done = collect(compensate(run, tables, windows_per_increment=75))
+    assert done.status == "suspect"
+    assert any("fewer windows_per_increment" in why for why in done.status_reasons)
+
+
+def test_a_step_of_the_rate_within_a_window_is_told(tables, run):
+    """One row of the log off, as a table's step looks: nothing was said of 97 σ."""
+    rate = run.rate_rad_s.copy()
+    rate[800:803] += 0.01
+    done = collect(compensate(run.replace(rate_rad_s=rate), tables))
+    assert done.status == "suspect" and any("at 16." in why for why in done.status_reasons)
+    assert any("changes within a window" in why for why in done.status_reasons)

@@ -65,7 +65,8 @@ class AngleSpread:
         variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
         before = None if self.begin is None else self.begin[1]
         if self.begin is None:
-            self.begin = float(path.time_s[0]), float(variance[0]), float(path.width_s[0])
+            of_begin = middles.compute_begin_variance(variance)
+            self.begin = float(path.time_s[0]), of_begin, float(path.width_s[0])
         return middles.compute_variance(variance, before)[rows]
 
     def _of_walk(self, path: AnglePath, rows: slice) -> Array:

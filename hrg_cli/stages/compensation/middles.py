@@ -10,9 +10,9 @@ import numpy as np
 from ...fitting.tables.increments import AnglePath
 
 Array = np.ndarray
-MOST = 6
-"""Blocks about an increment that its middle is told from; four at an end or a gap, or the two of
-its own."""
+MOST, FIRST = 6, 4
+"""Blocks about an increment that its middle is told from; and at an end or a gap, if there are as
+many."""
 UNEVEN = 2.0
 """Times the usual distance of blocks from which an increment is a gap: how the angle bends there
 is not known."""
@@ -23,7 +23,8 @@ ALIKE = 1e-6
 @dataclass(frozen=True)
 class Middles:
     """What each increment's middle takes of the blocks about it: their numbers (n, `MOST`) and
-    weights (n, `MOST`), 0 where there are fewer.
+    weights (n, `MOST`), 0 where there are fewer; the weights with four alone; and what the path's
+    first middle of a block takes of its first blocks (`FIRST`,).
 
     Of the polynomial whose means over the blocks are theirs; evenly spaced single windows: (3, −25,
     150, 150, −25, 3)/256.
@@ -31,6 +32,8 @@ class Middles:
 
     blocks: Array
     weight: Array
+    of_four: Array
+    begin: Array
 
     @classmethod
     def from_path(cls, path: AnglePath) -> Middles:
@@ -44,43 +47,69 @@ class Middles:
         blocks = np.repeat(number[:, None], MOST, axis=1)
         weight = np.zeros((n, MOST))
         weight[:, :2], blocks[:, 1] = 0.5, number + 1
-        for count in (4, MOST):
+        of_four = weight
+        for count in (FIRST, MOST):
             first = number - (count // 2 - 1)
             if count < MOST:
                 first = np.clip(first, low, np.maximum(high - count + 1, low))
             fits = np.flatnonzero((first >= low) & (first + count - 1 <= high) & ~gap)
+            near = first[fits, None] + np.arange(count)
+            if count == MOST:
+                of_four = np.zeros((n, MOST))
+                # the four inner ones of six, where there are six
+                of_four[fits, 1:-1] = weight[fits, :FIRST]
+                apart = np.setdiff1d(number, fits)
+                of_four[apart] = weight[apart]
             if len(fits):
-                near = first[fits, None] + np.arange(count)
                 blocks[fits, :count] = near
-                weight[fits, :count] = _find_weights(path, fits, near)
-        return cls(blocks, weight)
+                at = path.average_neighbours(path.time_s)[fits]
+                weight[fits, :count] = _find_weights(path, at, step[fits], near)
+        begin = np.eye(1, FIRST)[0]
+        if high[0] >= FIRST - 1:
+            (begin,) = _find_weights(path, path.time_s[:1], step[:1], np.arange(FIRST)[None])
+        return cls(blocks, weight, of_four, begin[: n + 1])
 
     def interpolate(self, values: Array) -> Array:
         """Values (b,) of the blocks in the middles (n,)."""
         return np.asarray(np.sum(self.weight * values[self.blocks], axis=1))
 
-    def compute_variance(self, variance: Array, of_first: float | None) -> Array:
-        """Variance (n,) of the angle in the middles over that of the run's first block, by those
-        of all blocks (b,), which err independently.
+    def interpolate_begin(self, values: Array) -> float:
+        """Values (b,) of the blocks in the middle of the first."""
+        return float(self.begin @ values[: len(self.begin)])
 
-        of_first: that of the first block, where it is in a piece before; None: it is block 0.
+    def compute_truncation(self, values: Array) -> Array:
+        """By how much four blocks say otherwise than six, (n,): what a longer polynomial would
+        still change is less."""
+        return np.asarray(np.sum((self.weight - self.of_four) * values[self.blocks], axis=1))
+
+    def compute_variance(self, variance: Array, of_begin: float | None) -> Array:
+        """Variance (n,) of the angle in the middles over that of the run's begin, by those of all
+        blocks (b,), which err independently.
+
+        of_begin: of the middle of the first block, where it is in a piece before; None: the path's.
         """
         used = np.where(self.weight != 0, variance[self.blocks], 0.0)
-        if of_first is not None:
-            return np.asarray(np.sum(self.weight**2 * used, axis=1) + of_first)
-        first = (self.blocks == 0) & (self.weight != 0)
-        apart = np.where(first.any(axis=1), 0.0, variance[0])
-        return np.asarray(np.sum((self.weight - first) ** 2 * used, axis=1) + apart)
+        alone = np.sum(self.weight**2 * used, axis=1)
+        if of_begin is not None:
+            return np.asarray(alone + of_begin)
+        begin = np.zeros(len(variance))
+        begin[: len(self.begin)] = self.begin
+        shared = np.sum(self.weight * begin[self.blocks] * used, axis=1)
+        return np.asarray(alone + self.compute_begin_variance(variance) - 2 * shared)
+
+    def compute_begin_variance(self, variance: Array) -> float:
+        """Of the angle in the middle of the path's first block."""
+        return float(self.begin**2 @ variance[: len(self.begin)])
 
 
-def _find_weights(path: AnglePath, increments: Array, blocks: Array) -> Array:
-    """Weights (k, m) of the blocks (k, m) about some increments.
+def _find_weights(path: AnglePath, at_s: Array, size_s: Array, blocks: Array) -> Array:
+    """Weights (k, m) of blocks (k, m) for the angle at some times (k,).
 
     The polynomial's means over the blocks, (x + b/2)^{j+1} − (x − b/2)^{j+1} over (j + 1)b for its
-    j-th term, are solved for its value at x = 0, the middle; all in units of the increment.
+    j-th term, are solved for its value at x = 0; in units of a size (k,).
     """
-    size = path.interval_s[increments, None]
-    x = (path.time_s[blocks] - path.average_neighbours(path.time_s)[increments, None]) / size
+    size = size_s[:, None]
+    x = (path.time_s[blocks] - at_s[:, None]) / size
     half = path.blur_s[blocks] / size / 2
     kind = np.concatenate([x, half], axis=1)
     usual = np.median(kind, axis=0)

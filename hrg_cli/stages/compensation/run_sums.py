@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...fitting.checks import Check, check_at_most
 from ...fitting.tables.increments import AnglePath
 from ...records import Calibration
 from ..calibration.residual_errors import CELLS_A_PERIOD
@@ -17,6 +18,8 @@ from .middles import Middles
 from .run_errors import MOST_RATES, RateSpread, Totals
 
 Array = np.ndarray
+TRUNCATED = 1.0
+"""Of its standard deviation, by which four blocks may tell the angle otherwise than six."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +55,36 @@ class RunSums:
         self.totals = Totals(np.zeros((3, CELLS_A_PERIOD)), together) if logged else None
         self.spread, self.against = RateSpread(), AngleAgainstLog()
         self.angles = AngleSpread(calibration)
-        self.angle_rad = 0.0
+        self.angle_rad: float | None = None
+        self.truncation_rad, self.truncated = np.zeros(0), 0.0
         self.slowest_rad_s, self.fastest_rad_s = np.inf, -np.inf
 
     def turn_on(self, rate_rad_s: Array, path: AnglePath, middles: Middles, rows: slice) -> Array:
         """The angle in the middles of the increments `rows` of a piece, turned on from that of the
-        last; rates (n,) of all its increments."""
+        last, from 0 in the middle of the run's first block; rates (n,) of all its increments."""
         angle_rad = np.concatenate([[0.0], np.cumsum(rate_rad_s * path.interval_s)])
+        if self.angle_rad is None:
+            self.angle_rad = float(angle_rad[rows.start]) - middles.interpolate_begin(angle_rad)
         angle_rad += self.angle_rad - angle_rad[rows.start]
         self.angle_rad = float(angle_rad[rows.stop])
+        self.truncation_rad = middles.compute_truncation(angle_rad)[rows]
         return middles.interpolate(angle_rad)[rows]
+
+    def judge_truncation(self, std: Array) -> Check:
+        """Whether increments are short enough for the bend of the angle between their ends, by σ
+        (n,) of the last piece's."""
+        over = self.truncation_rad / std
+        over = over[np.isfinite(over)]
+        rms = float(np.sqrt(np.mean(over**2))) if len(over) else 0.0
+        self.truncated = max(self.truncated, rms)
+        return check_at_most(
+            "angle_between_blocks",
+            self.truncated,
+            TRUNCATED,
+            "the rate changes so fast that between the ends of increments the angle is known to"
+            f" {self.truncated:.2g} of its standard deviations only; give fewer"
+            " windows_per_increment, or shorter windows",
+        )
 
     def widen(self, rates_rad_s: Array) -> None:
         """Take in the range of a piece's rates."""

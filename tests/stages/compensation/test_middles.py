@@ -42,14 +42,24 @@ def test_beside_a_gap_the_bend_is_that_of_the_other_side():
     assert used[9] == {9, 10} and max(used[8]) == 9 and min(used[10]) == 10
 
 
-def test_the_variance_is_that_over_the_first_block():
-    """σ² from draws of the blocks' errors, of a run and of a piece of it whose first block is
-    earlier."""
-    path = uneven_path(blocks=8)
+@pytest.mark.parametrize("width", [0.0, 0.7])
+def test_the_variance_is_that_over_the_run_s_begin(width):
+    """σ² from draws of the blocks' errors, of a run and of a piece of it that begins later."""
+    path = uneven_path(blocks=8, width=width)
     middles, random = Middles.from_path(path), np.random.default_rng(5)
     std = np.linspace(1, 2, 8)
     off = std * random.standard_normal((20_000, 8))
-    drawn = np.var([middles.interpolate(one) - one[0] for one in off], axis=0)
+    begun = [middles.interpolate(one) - middles.interpolate_begin(one) for one in off]
+    drawn = np.var(begun, axis=0)
     assert middles.compute_variance(std**2, None) == pytest.approx(drawn, rel=0.05)
     alone = np.var([middles.interpolate(one) for one in off], axis=0)
     assert middles.compute_variance(std**2, 4.0) == pytest.approx(alone + 4.0, rel=0.05)
+
+
+def test_four_blocks_say_otherwise_where_the_angle_bends_much():
+    path = uneven_path()
+    middles, t = Middles.from_path(path), path.time_s
+    assert np.abs(middles.compute_truncation(t**3)).max() < 1e-9 * t[-1] ** 3
+    assert np.all(np.abs(middles.compute_truncation(np.sin(2 * t))[2:-2]) > 0)
+    off = middles.interpolate(np.sin(t)) - np.sin((t[1:] + t[:-1]) / 2)
+    assert np.abs(off[2:-2]).max() < np.abs(middles.compute_truncation(np.sin(t))[2:-2]).max()
