@@ -324,14 +324,13 @@ def check_noise_shown(residuals: Sequence[Array], name: str = "noise_shown") -> 
     # the largest of several scatters upwards: two standard deviations of each are taken off
     shown = max(
         (float(power / (1 + 2 * np.sqrt(2 / n))) for power, n in list_block_powers(residuals)),
-        default=np.nan,
+        default=0.0,
     )
     limit = min(NOISE_SHOWN, float(chdtri(count, 1 - CHANCE)) / count) if count else 0.0
-    return Check(
+    return check_at_least(
         name,
         shown,
         limit,
-        not shown < limit,
         f"the windows state {shown**-0.5 if shown > 0 else np.inf:.2g} times the noise that is seen"
         " between them (a hum or a tone that each of them holds): the standard deviations are that"
         " much too large; take it out of the recording, or give windows of whole periods of it",

@@ -176,7 +176,7 @@ def _compensate_pieces(
             need_rate=False,
         )
         need_range(calibration, whole.find_abscissa(calibration.axis), run.name)
-        rate = find_block_rates(piece.wave, whole, calibration, windows, earth_rate)
+        rate = find_block_rates(piece.wave, whole, calibration, windows)
         middles = Middles.from_path(whole)
         found = _judge_increments(whole, rate, middles, piece.own, calibration, sums.angles)
         path = whole.select_rows(piece.own)
@@ -190,15 +190,16 @@ def _compensate_pieces(
             time_s=path.average_neighbours(path.time_s),
             rate_estimate_rad_s=found.rate_rad_s - earth_rate,
             rate_estimate_rad_s_std=found.std,
-            angle_estimate_rad=sums.turn_on(rate - earth_rate, whole, middles, piece.own),
+            angle_estimate_rad=sums.turn_on(
+                rate - earth_rate, whole, middles, piece.own, found.angle_std
+            ),
             angle_estimate_rad_std=found.angle_std,
             residual_before_rad_s=None if errors is None else errors.before_rad_s,
             residual_after_rad_s=None if errors is None else errors.after_rad_s,
             details=json.dumps(sums.compute_figures()),
         )
         judged = _judge_rates(record, calibration, sums, run)
-        truncated = sums.judge_truncation(found.angle_std)
-        yield judged.judged(list_failures([*sums.against.list_checks(), truncated]))
+        yield judged.judged(list_failures([*sums.against.list_checks(), sums.check_truncation()]))
     if not np.isfinite(sums.slowest_rad_s):
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 

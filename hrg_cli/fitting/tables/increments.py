@@ -354,8 +354,31 @@ def _rows_per_block(wave: Wave, rows: int, harmonics: int, constant_rate: float 
     return max(1, min(by_phase, rows // FEWEST_BLOCKS))
 
 
-def find_good_blocks(good: Array, per_block: int) -> Array:
-    """Which blocks of windows are means that count: those at least half good.
+def find_good_windows(wave: Wave) -> Array:
+    """Which windows count, bool (n,): good ones whose time is known.
+
+    Parameters
+    ----------
+    wave
+        Of n windows.
+
+    Returns
+    -------
+    ndarray
+        True for a window that counts.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.tables.increments import find_good_windows
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> bool(find_good_windows(draw_waves()[0]).all())
+    True
+    """
+    return np.asarray(wave.good() & np.isfinite(np.asarray(wave.time_s, float)))
+
+
+def count_good(good: Array, per_block: int) -> Array:
+    """Good windows of every block; 0 of those less than half good, whose means do not count.
 
     Parameters
     ----------
@@ -367,27 +390,27 @@ def find_good_blocks(good: Array, per_block: int) -> Array:
     Returns
     -------
     ndarray
-        True for a block that counts, bool (b,).
+        (b,).
 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.increments import find_good_blocks
-    >>> find_good_blocks(np.array([1, 1, 1, 0, 0, 1, 0], bool), 3).tolist()
-    [True, False, False]
+    >>> from hrg_cli.fitting.tables.increments import count_good
+    >>> count_good(np.array([1, 1, 1, 0, 0, 1, 0], bool), 3).tolist()
+    [3.0, 0.0, 0.0]
     """
     count = np.add.reduceat(good.astype(float), np.arange(0, len(good), per_block))
-    return np.asarray(count >= max(1.0, per_block / 2))
+    return np.where(count >= max(1.0, per_block / 2), count, 0.0)
 
 
 def _block_means(block: Wave, time: Array, integral: Array, per_block: int) -> dict[str, Array]:
     """Means over the good rows of each group of `per_block` rows; groups less than half good are
     left out."""
     # reduceat sums groups without a copy, and the last group may be short
-    good = np.asarray(block.good()) & np.isfinite(time)
+    good = find_good_windows(block)
     starts = np.arange(0, len(time), per_block)
-    count = np.add.reduceat(good.astype(float), starts)
-    keep = find_good_blocks(good, per_block)
+    count = count_good(good, per_block)
+    keep = count > 0
 
     def mean(values: Array, power: int = 1) -> Array:
         total = np.add.reduceat(np.where(good, values, 0.0), starts)[keep]

@@ -1,7 +1,7 @@
 """Standard deviation of the angle that a compensated rate sums up to.
 
 The noise of the wave angle does not grow: of all increments' it leaves that of the first block and
-of the four about the place. The gyro's own walk grows as N√t. The tables' errors are the same
+of those about the place. The gyro's own walk grows as N√t. The tables' errors are the same
 whenever the wave comes by, and are summed up as what they are, through the coefficients' whole
 covariance C: with g = Σ ∂Ω/∂c Δt their variance is gᵀCg, which grows as t where the wave stands and
 cancels where it turns.
@@ -35,7 +35,7 @@ class AngleSpread:
         self.gained = np.zeros(len(self.covariance))
         self.doubted = np.zeros(2)
         self.begin: tuple[float, float, float] | None = None
-        """Time, variance of the angle and width of the first block."""
+        """Time of the first block, variance of the angle in its middle, and its width."""
 
     def compute_std(
         self,
@@ -61,7 +61,7 @@ class AngleSpread:
         return np.sqrt(noise + self._of_walk(path, rows) + np.concatenate(parts))
 
     def _of_noise(self, path: AnglePath, middles: Middles, rows: slice) -> Array:
-        """Variance of θ by the windows' noise, over that of the run's first block."""
+        """Variance of θ by the windows' noise, over that of the run's begin."""
         variance = np.where(path.angle_variance > 0, path.angle_variance, np.nan)
         before = None if self.begin is None else self.begin[1]
         if self.begin is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...fitting.tables.increments import AnglePath, build_path, find_good_blocks
+from ...fitting.tables.increments import AnglePath, build_path, count_good, find_good_windows
 from ...records import Calibration, Wave
 from ..calibration.interpolation import compute_corrections
 
@@ -48,9 +48,7 @@ def find_rates(path: AnglePath, calibration: Calibration) -> Array:
     return np.asarray((drift - path.turn / path.interval_s) / scale)
 
 
-def find_block_rates(
-    wave: Wave, path: AnglePath, calibration: Calibration, windows: int, earth_rate_rad_s: float
-) -> Array:
+def find_block_rates(wave: Wave, path: AnglePath, calibration: Calibration, windows: int) -> Array:
     """Mean rates of increments whose ends are means of several windows.
 
     With the angle Φ that the windows' own rates sum up to, Ω_i = (Φ̄_{i+1} − Φ̄_i)/Δt by the means
@@ -66,8 +64,6 @@ def find_block_rates(
         The tables.
     windows
         A block.
-    earth_rate_rad_s
-        The Earth's rotation about the gyro's axis.
 
     Returns
     -------
@@ -97,18 +93,17 @@ def find_block_rates(
     ...     values_at=lambda x, angle, travel: (np.zeros(len(x)), 0.3 * np.ones(len(x))),
     ... )
     >>> path = build_path(wave, harmonics=0, per_block=10, need_rate=False)
-    >>> find_block_rates(wave, path, tables, 10, 0.0).round(9).tolist()
+    >>> find_block_rates(wave, path, tables, 10).round(9).tolist()
     [0.1, 0.1, 0.1]
     """
     if windows == 1:
         return find_rates(path, calibration)
-    each = build_path(
-        wave, harmonics=0, earth_rate_rad_s=earth_rate_rad_s, per_block=1, need_rate=False
-    )
+    # the wave alone is asked: no rate is read
+    each = build_path(wave, harmonics=0, rate_rad_s=0.0, per_block=1)
     turned = find_rates(each, calibration) * each.interval_s
     angle_rad = np.concatenate([[0.0], np.cumsum(turned)])
-    good = wave.good() & np.isfinite(np.asarray(wave.time_s, float))
-    kept = find_good_blocks(good, windows)
+    good = find_good_windows(wave)
+    kept = count_good(good, windows) > 0
     block = np.flatnonzero(good) // windows
     inside = kept[block]
     number = (np.cumsum(kept) - 1)[block[inside]]

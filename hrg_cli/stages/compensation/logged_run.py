@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fitting.samples.rate_log import describe_left_out, find_stretches
-from ...fitting.tables.increments import BESIDE, ROWS_AT_ONCE, find_good_blocks
+from ...fitting.tables.increments import BESIDE, ROWS_AT_ONCE, count_good, find_good_windows
 from ...records import Wave
 
 Array = np.ndarray
@@ -66,8 +66,7 @@ class LoggedRun:
             first = max(begin - BESIDE * windows, 0)
             last = min(stop + BESIDE * windows, rows)
             wave = self.wave.rows(first, last)
-            good = wave.good() & np.isfinite(np.asarray(wave.time_s, float))
-            kept = np.flatnonzero(find_good_blocks(good, windows))
+            kept = np.flatnonzero(count_good(find_good_windows(wave), windows))
             inside = np.flatnonzero(
                 (kept * windows >= begin - first) & (kept * windows < stop - first)
             )

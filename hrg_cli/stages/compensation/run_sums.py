@@ -56,27 +56,28 @@ class RunSums:
         self.spread, self.against = RateSpread(), AngleAgainstLog()
         self.angles = AngleSpread(calibration)
         self.angle_rad: float | None = None
-        self.truncation_rad, self.truncated = np.zeros(0), 0.0
+        self.truncated = 0.0
         self.slowest_rad_s, self.fastest_rad_s = np.inf, -np.inf
 
-    def turn_on(self, rate_rad_s: Array, path: AnglePath, middles: Middles, rows: slice) -> Array:
+    def turn_on(
+        self, rate_rad_s: Array, path: AnglePath, middles: Middles, rows: slice, std: Array
+    ) -> Array:
         """The angle in the middles of the increments `rows` of a piece, turned on from that of the
-        last, from 0 in the middle of the run's first block; rates (n,) of all its increments."""
+        last, from 0 in the middle of the run's first block; rates (n,) of all its increments, and
+        σ of those angles."""
         angle_rad = np.concatenate([[0.0], np.cumsum(rate_rad_s * path.interval_s)])
         if self.angle_rad is None:
             self.angle_rad = float(angle_rad[rows.start]) - middles.interpolate_begin(angle_rad)
         angle_rad += self.angle_rad - angle_rad[rows.start]
         self.angle_rad = float(angle_rad[rows.stop])
-        self.truncation_rad = middles.compute_truncation(angle_rad)[rows]
+        over = middles.compute_truncation(angle_rad)[rows] / std
+        over = over[np.isfinite(over)]
+        if len(over):
+            self.truncated = max(self.truncated, float(np.sqrt(np.mean(over**2))))
         return middles.interpolate(angle_rad)[rows]
 
-    def judge_truncation(self, std: Array) -> Check:
-        """Whether increments are short enough for the bend of the angle between their ends, by σ
-        (n,) of the last piece's."""
-        over = self.truncation_rad / std
-        over = over[np.isfinite(over)]
-        rms = float(np.sqrt(np.mean(over**2))) if len(over) else 0.0
-        self.truncated = max(self.truncated, rms)
+    def check_truncation(self) -> Check:
+        """Whether increments are short enough for the bend of the angle between their ends."""
         return check_at_most(
             "angle_between_blocks",
             self.truncated,
