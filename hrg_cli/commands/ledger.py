@@ -21,7 +21,7 @@ from ..ledger.history import History
 from ..ledger.history import tell_history as history_of
 from ..ledger.overview import Overview, make_overview
 from ..ledger.report import describe_entry, describe_history, describe_overview
-from ..ledger.times import parse_time
+from ..records.time_origin import parse_time
 from ..reporting import console, ledger_tables
 from .check import resolve_limits
 from .frame import NO_DRAWS, ONE_PROCESS, Common, Files, make_command, need_inputs

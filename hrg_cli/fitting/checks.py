@@ -268,24 +268,12 @@ def check_whiteness(
         return Check(
             name, 0.0, -float(np.log10(CHANCE)), bool(np.all(np.isfinite(level))), sentence
         )
-    chances = []
     # white noise: a sum of m rows has m σ². Lengths double, so that a slow part of any duration
     # fills some block; the smallest chance is multiplied by how many lengths were tried
-    length = 2
-    while True:
-        power, count = 0.0, 0
-        for run in residuals:
-            rows = np.asarray(run, float).reshape(len(run), -1)
-            blocks = len(rows) // length
-            if blocks == 0:
-                continue
-            sums = rows[: blocks * length].reshape(blocks, length, -1).sum(axis=1)
-            power += float(np.sum(sums**2)) / length
-            count += sums.size
-        if count < FEWEST_BLOCKS:
-            break
-        chances.append(float(chdtrc(count, power / variance / (1 + allowed))))
-        length *= 2
+    _, *longer = list_block_powers(residuals, FEWEST_BLOCKS)
+    chances = [
+        float(chdtrc(count, count * power / variance / (1 + allowed))) for power, count in longer
+    ]
     chance = min(1.0, len(chances) * min(chances)) if chances else 1.0
     return check_at_most(
         name, -float(np.log10(max(chance, 1e-300))), -float(np.log10(CHANCE)), sentence
@@ -368,19 +356,23 @@ def measure_slow_part(residuals: Sequence[Array]) -> float:
     return max([1.0, *(power / variance for power, _ in longer)]) if variance > 0 else 1.0
 
 
-def list_block_powers(residuals: Sequence[Array]) -> list[tuple[float, int]]:
+def list_block_powers(
+    residuals: Sequence[Array], fewest: int = SLOW_BLOCKS
+) -> list[tuple[float, int]]:
     """Mean squares of the sums over blocks of 1, 2, 4, 8 … rows, a row.
 
     Parameters
     ----------
     residuals
         An array (n,) or (n, k) a run, in the order of time.
+    fewest
+        Sums that a longer block must have.
 
     Returns
     -------
     list of tuple
-        Mean square over the length, and the number of sums: of all lengths of which there are at
-        least `SLOW_BLOCKS`, the first of any.
+        Mean square over the length, and the number of sums: of all lengths of which there are
+        enough, the first of any.
 
     Examples
     --------
@@ -400,7 +392,7 @@ def list_block_powers(residuals: Sequence[Array]) -> list[tuple[float, int]]:
                 for r in rows
             ]
         )
-        if length > 1 and len(sums) < SLOW_BLOCKS:
+        if length > 1 and len(sums) < fewest:
             break
         out.append((float(np.mean(sums**2)) / length, len(sums)))
         length *= 2

@@ -19,9 +19,9 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import HrgError
+from ..records.time_origin import parse_time
 from ..store.atomic import write_whole
 from .entry import Entry, Figure
-from .times import parse_time
 
 APPLICATION, VERSION = 0x68726731, 1
 """SQLite's marks of whose file it is ("hrg1"), and of the tables' version."""

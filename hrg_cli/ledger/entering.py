@@ -18,9 +18,10 @@ from ..errors import HrgError
 from ..limit_values import find_unit
 from ..limits import list_figures
 from ..records import Calibration, Diagnosis, Record, Resonator, Wave
+from ..records.time_origin import parse_time
 from . import database
 from .entry import KINDS, Entry, Figure
-from .times import format_time, parse_time
+from .times import format_time
 
 
 def enter(

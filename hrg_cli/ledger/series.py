@@ -10,8 +10,8 @@ import numpy as np
 
 from ..comparing import compute_change
 from ..origins import overlap
+from ..records.time_origin import parse_time
 from .entry import Entry
-from .times import parse_time
 
 Array = np.ndarray
 DAY_S = 86_400.0

@@ -101,13 +101,35 @@ def _first_moment(start_time: str, first_s: float) -> str:
     """start_time of the first sample: that of t = 0 moved, unless it names the first sample's stamp
     in seconds since 1970 already."""
     try:
-        moment = _moment(start_time)
+        since_1970 = parse_time(start_time)
     except ValueError:
         return start_time
-    since_1970 = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     if abs(since_1970 - first_s) <= SAME_DAY_S:
         return start_time
     return shift_time(start_time, first_s)
+
+
+def parse_time(text: str) -> float:
+    """Seconds since 1970 of a time as text.
+
+    Parameters
+    ----------
+    text
+        ISO 8601; one without a zone is UTC.
+
+    Returns
+    -------
+    float
+        s.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.time_origin import parse_time
+    >>> parse_time("1970-01-02T00:00:00"), parse_time("1970-01-01T01:00:00+01:00")
+    (86400.0, 0.0)
+    """
+    found = _moment(text)
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
 def _moment(text: str) -> datetime:

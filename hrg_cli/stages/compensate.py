@@ -15,7 +15,6 @@ from ..fitting.checks import list_failures
 from ..fitting.tables.increments import AnglePath, build_path
 from ..records import Calibration, Compensated, Wave
 from .calibration.interpolation import (
-    compute_corrections,
     compute_standard_deviations,
     need_range,
     read_angle_random_walk,
@@ -176,9 +175,9 @@ def _compensate_pieces(
             need_rate=False,
         )
         need_range(calibration, whole.find_abscissa(calibration.axis), run.name)
-        rate = find_block_rates(piece.wave, whole, calibration, windows)
+        rate, scale = find_block_rates(piece.wave, whole, calibration, windows)
         middles = Middles.from_path(whole)
-        found = _judge_increments(whole, rate, middles, piece.own, calibration, sums.angles)
+        found = _judge_increments(whole, rate, scale, middles, piece.own, calibration, sums.angles)
         path = whole.select_rows(piece.own)
         known = run.find_known_rates(piece.stretch)[piece.own]
         sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
@@ -207,14 +206,15 @@ def _compensate_pieces(
 def _judge_increments(
     path: AnglePath,
     rate: Array,
+    scale: Array,
     middles: Middles,
     own: slice,
     calibration: Calibration,
     angles: AngleSpread,
 ) -> IncrementRates:
-    """The rates (n,) of a piece's `own` increments with what they are uncertain by."""
+    """The rates of a piece's `own` increments with what they are uncertain by; rate and scale (n,):
+    Ω and K of all its increments."""
     blocks = path.find_abscissa(calibration.axis)
-    _, scale = compute_corrections(calibration, path)
     noise, of_tables = _compute_rate_std(calibration, path, blocks, rate, scale)
     angle_std = angles.compute_std(path, middles, own, blocks, rate, scale)
     return IncrementRates(rate[own], noise[own], of_tables[own], angle_std)

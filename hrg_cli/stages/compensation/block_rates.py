@@ -12,47 +12,14 @@ from ..calibration.interpolation import compute_corrections
 Array = np.ndarray
 
 
-def find_rates(path: AnglePath, calibration: Calibration) -> Array:
-    """Of every increment the rate by the tables, Ω = (D − mθ̇)/K.
+def find_block_rates(
+    wave: Wave, path: AnglePath, calibration: Calibration, windows: int
+) -> tuple[Array, Array]:
+    """Mean rates of increments by the tables, Ω = (D − mθ̇)/K, and the K of each.
 
-    Parameters
-    ----------
-    path
-        n increments, within which D and K change little or evenly.
-    calibration
-        The tables.
-
-    Returns
-    -------
-    ndarray
-        (n,) [rad/s], against the stars.
-
-    Examples
-    --------
-    Tables that hold the same at all angles, K = 0.5 and a drift of 0.1 rad/s; the wave stands:
-
-    >>> from types import SimpleNamespace as Told
-    >>> from dataclasses import replace
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
-    >>> from hrg_cli.stages.compensation.block_rates import find_rates
-    >>> path = draw_path(blocks=3)
-    >>> tables = Told(
-    ...     axis="temperature", details="{}",
-    ...     values_at=lambda x, angle, travel: (0.1 * np.ones(len(x)), 0.5 * np.ones(len(x))),
-    ... )
-    >>> find_rates(replace(path, angle_rad=0 * path.angle_rad), tables).tolist()
-    [0.2, 0.2]
-    """
-    drift, scale = compute_corrections(calibration, path)
-    return np.asarray((drift - path.turn / path.interval_s) / scale)
-
-
-def find_block_rates(wave: Wave, path: AnglePath, calibration: Calibration, windows: int) -> Array:
-    """Mean rates of increments whose ends are means of several windows.
-
-    With the angle Φ that the windows' own rates sum up to, Ω_i = (Φ̄_{i+1} − Φ̄_i)/Δt by the means
-    over the blocks: the triangle of both, whatever D and K do under it.
+    Where their ends are means of several windows, with the angle Φ that the windows' own rates sum
+    up to, Ω_i = (Φ̄_{i+1} − Φ̄_i)/Δt by the means over the blocks: the triangle of both, whatever D
+    and K do under it.
 
     Parameters
     ----------
@@ -67,8 +34,8 @@ def find_block_rates(wave: Wave, path: AnglePath, calibration: Calibration, wind
 
     Returns
     -------
-    ndarray
-        (n,) [rad/s], against the stars.
+    tuple of ndarray
+        Rates (n,) [rad/s], against the stars, and K (n,).
 
     Examples
     --------
@@ -93,14 +60,16 @@ def find_block_rates(wave: Wave, path: AnglePath, calibration: Calibration, wind
     ...     values_at=lambda x, angle, travel: (np.zeros(len(x)), 0.3 * np.ones(len(x))),
     ... )
     >>> path = build_path(wave, harmonics=0, per_block=10, need_rate=False)
-    >>> find_block_rates(wave, path, tables, 10).round(9).tolist()
-    [0.1, 0.1, 0.1]
+    >>> rate, scale_factor = find_block_rates(wave, path, tables, 10)
+    >>> rate.round(9).tolist(), scale_factor.tolist()
+    ([0.1, 0.1, 0.1], [0.3, 0.3, 0.3])
     """
+    drift, scale = compute_corrections(calibration, path)
     if windows == 1:
-        return find_rates(path, calibration)
+        return _find_rates(path, drift, scale), scale
     # the wave alone is asked: no rate is read
     each = build_path(wave, harmonics=0, rate_rad_s=0.0, per_block=1)
-    turned = find_rates(each, calibration) * each.interval_s
+    turned = _find_rates(each, *compute_corrections(calibration, each)) * each.interval_s
     angle_rad = np.concatenate([[0.0], np.cumsum(turned)])
     good = find_good_windows(wave)
     kept = count_good(good, windows) > 0
@@ -108,4 +77,9 @@ def find_block_rates(wave: Wave, path: AnglePath, calibration: Calibration, wind
     inside = kept[block]
     number = (np.cumsum(kept) - 1)[block[inside]]
     means = np.bincount(number, angle_rad[inside]) / np.bincount(number)
-    return np.asarray(np.diff(means) / path.interval_s)
+    return np.asarray(np.diff(means) / path.interval_s), scale
+
+
+def _find_rates(path: AnglePath, drift: Array, scale: Array) -> Array:
+    """Of increments within which D and K (n,) change little or evenly."""
+    return np.asarray((drift - path.turn / path.interval_s) / scale)

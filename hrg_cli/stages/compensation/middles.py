@@ -23,8 +23,8 @@ ALIKE = 1e-6
 @dataclass(frozen=True)
 class Middles:
     """What each increment's middle takes of the blocks about it: their numbers (n, `MOST`) and
-    weights (n, `MOST`), 0 where there are fewer; the weights with four alone; and what the path's
-    first middle of a block takes of its first blocks (`FIRST`,).
+    weights (n, `MOST`), 0 where there are fewer; and what the middle of the path's first block
+    takes of its first ones (`FIRST`,).
 
     Of the polynomial whose means over the blocks are theirs; evenly spaced single windows: (3, −25,
     150, 150, −25, 3)/256.
@@ -32,42 +32,33 @@ class Middles:
 
     blocks: Array
     weight: Array
-    of_four: Array
     begin: Array
 
     @classmethod
-    def from_path(cls, path: AnglePath) -> Middles:
-        """Of the path's n increments."""
+    def from_path(cls, path: AnglePath, most: int = MOST) -> Middles:
+        """Of the path's n increments, by `most` blocks, six or four."""
         step, n = path.interval_s, len(path)
         gap = step > UNEVEN * np.median(step)
         # first and last block of the stretch without a gap that each increment is in
         number = np.arange(n)
         low = np.maximum.accumulate(np.where(gap, number + 1, 0))
         high = np.minimum.accumulate(np.where(gap, number, n)[::-1])[::-1]
+        middle_s = path.average_neighbours(path.time_s)
         blocks = np.repeat(number[:, None], MOST, axis=1)
         weight = np.zeros((n, MOST))
         weight[:, :2], blocks[:, 1] = 0.5, number + 1
-        of_four = weight
-        for count in (FIRST, MOST):
-            first = number - (count // 2 - 1)
-            if count < MOST:
-                first = np.clip(first, low, np.maximum(high - count + 1, low))
+        # four beside an end too, six in the midst alone
+        inner = np.clip(number - 1, low, np.maximum(high - FIRST + 1, low))
+        for count, first in ((FIRST, inner), (MOST, number - 2)):
             fits = np.flatnonzero((first >= low) & (first + count - 1 <= high) & ~gap)
-            near = first[fits, None] + np.arange(count)
-            if count == MOST:
-                of_four = np.zeros((n, MOST))
-                # the four inner ones of six, where there are six
-                of_four[fits, 1:-1] = weight[fits, :FIRST]
-                apart = np.setdiff1d(number, fits)
-                of_four[apart] = weight[apart]
-            if len(fits):
+            if count <= most and len(fits):
+                near = first[fits, None] + np.arange(count)
                 blocks[fits, :count] = near
-                at = path.average_neighbours(path.time_s)[fits]
-                weight[fits, :count] = _find_weights(path, at, step[fits], near)
+                weight[fits, :count] = _find_weights(path, middle_s[fits], step[fits], near)
         begin = np.eye(1, FIRST)[0]
         if high[0] >= FIRST - 1:
             (begin,) = _find_weights(path, path.time_s[:1], step[:1], np.arange(FIRST)[None])
-        return cls(blocks, weight, of_four, begin[: n + 1])
+        return cls(blocks, weight, begin[: n + 1])
 
     def interpolate(self, values: Array) -> Array:
         """Values (b,) of the blocks in the middles (n,)."""
@@ -76,11 +67,6 @@ class Middles:
     def interpolate_begin(self, values: Array) -> float:
         """Values (b,) of the blocks in the middle of the first."""
         return float(self.begin @ values[: len(self.begin)])
-
-    def compute_truncation(self, values: Array) -> Array:
-        """By how much four blocks say otherwise than six, (n,): what a longer polynomial would
-        still change is less."""
-        return np.asarray(np.sum((self.weight - self.of_four) * values[self.blocks], axis=1))
 
     def compute_variance(self, variance: Array, of_begin: float | None) -> Array:
         """Variance (n,) of the angle in the middles over that of the run's begin, by those of all

@@ -14,7 +14,7 @@ from ...records import Calibration
 from ..calibration.residual_errors import CELLS_A_PERIOD
 from .against_log import AngleAgainstLog
 from .angle_spread import AngleSpread
-from .middles import Middles
+from .middles import FIRST, Middles
 from .run_errors import MOST_RATES, RateSpread, Totals
 
 Array = np.ndarray
@@ -70,11 +70,14 @@ class RunSums:
             self.angle_rad = float(angle_rad[rows.start]) - middles.interpolate_begin(angle_rad)
         angle_rad += self.angle_rad - angle_rad[rows.start]
         self.angle_rad = float(angle_rad[rows.stop])
-        over = middles.compute_truncation(angle_rad)[rows] / std
+        found = middles.interpolate(angle_rad)[rows]
+        # what a longer polynomial would still change is less than what six blocks do
+        coarser = Middles.from_path(path, FIRST).interpolate(angle_rad)[rows]
+        over = (found - coarser) / std
         over = over[np.isfinite(over)]
         if len(over):
             self.truncated = max(self.truncated, float(np.sqrt(np.mean(over**2))))
-        return middles.interpolate(angle_rad)[rows]
+        return found
 
     def check_truncation(self) -> Check:
         """Whether increments are short enough for the bend of the angle between their ends."""

@@ -4,11 +4,11 @@ between runs is in no run's own time."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
+from ....records.time_origin import parse_time
 from ..thresholds import FREQUENCIES, MOVES_WITH_STARTS
 
 Array = np.ndarray
@@ -30,8 +30,8 @@ def tell_course(said: Mapping[str, Any], start_times: Sequence[str]) -> dict[str
     Returns
     -------
     dict
-        The same where they agree, where not all times are known, or where no line takes nearly all
-        of their scatter.
+        The same where they agree, where a cause would make them so, where not all times are known,
+        or where no line takes nearly all of their scatter.
 
     Examples
     --------
@@ -43,12 +43,12 @@ def tell_course(said: Mapping[str, Any], start_times: Sequence[str]) -> dict[str
     'they go with the times at which the runs began, by 2.78e-13 of the frequency a second'
     """
     told = dict(said)
-    if told.get("sigma") is None or told["sigma"] < FREQUENCIES:
+    if told.get("sigma") is None or told["sigma"] < FREQUENCIES or told.get("would_follow"):
         return told
     if len(told["hz"]) != len(start_times) or not all(start_times):
         return told
     hz = np.asarray(told["hz"], float)
-    begin_s = np.array([_read_seconds(text) for text in start_times])
+    begin_s = np.array([parse_time(text) for text in start_times])
     if len(hz) < FEWEST or not np.ptp(begin_s) > 0:
         return told
     line = np.polyfit(begin_s - begin_s.mean(), hz - hz.mean(), 1)
@@ -62,9 +62,3 @@ def tell_course(said: Mapping[str, Any], start_times: Sequence[str]) -> dict[str
         " does so: record them at one temperature, or repeat the first run last"
     )
     return told
-
-
-def _read_seconds(text: str) -> float:
-    """Of an ISO time, since 1970; without a zone it is UTC."""
-    moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
