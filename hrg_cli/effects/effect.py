@@ -137,6 +137,10 @@ class Runs(Protocol):
         """Frequency against which the envelopes stand."""
 
     @property
+    def begun_s(self) -> Array | None:
+        """How long after the first run each began (R,); None: not known."""
+
+    @property
     def table_turn_rad(self) -> Array:
         """By how much the logged rates alone turn mθ back from the runs' starts on, K∫Ω dt with the
         usual K (R, n)."""

@@ -48,6 +48,8 @@ class Environment:
     rate_rad_s: Array
     logged_temperature_degc: Array
     logged_rate_rad_s: Array
+    begun_s: float = 0.0
+    """How long after the first run of its programme this one began."""
 
 
 @dataclass
@@ -359,3 +361,5 @@ class SlowState:
     displacement: Array | None = None
     """Envelopes (..., 2) of the displacement, where an effect that acts on the velocity is given
     that one's; None: both are the same."""
+    begun_s: Array | float = 0.0
+    """How long after the first run of its programme each run began."""

@@ -54,7 +54,7 @@ class _Clock:
         self._angle = np.concatenate(
             [[0.0], np.cumsum(steps * (self._rate[1:] + self._rate[:-1]) / 2)]
         )
-        self._plant = plant
+        self._plant, self._begun_s = plant, environment.begun_s
 
     def find_state(self, t: Array) -> SlowState:
         """What of the environment an effect's slow term may look at, at times t."""
@@ -67,6 +67,7 @@ class _Clock:
         return SlowState(
             self._plant.mechanics, t, temperature, self._slope[cell], self._branch[cell], rate,
             angle, np.zeros((len(t), 2), complex), nothing, nothing, omega_r,
+            begun_s=self._begun_s,
         )  # fmt: skip
 
 
@@ -272,4 +273,5 @@ def take_row(state: SlowState, k: int) -> SlowState:
         state.forced[at],
         state.phase_rad[at],
         state.omega_r_rad_s,
+        begun_s=state.begun_s,
     )

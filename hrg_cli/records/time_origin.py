@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -130,6 +131,34 @@ def parse_time(text: str) -> float:
     """
     found = _moment(text)
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def count_from_first(start_times: Sequence[str]) -> list[float]:
+    """How long after the first of several runs each of them began.
+
+    Parameters
+    ----------
+    start_times
+        ISO 8601.
+
+    Returns
+    -------
+    list of float
+        s; 0 of all where one of the times is not known or cannot be read.
+
+    Examples
+    --------
+    >>> from hrg_cli.records.time_origin import count_from_first
+    >>> count_from_first(["2026-05-04T09:00:00Z", "2026-05-04T08:00:00Z"])
+    [3600.0, 0.0]
+    >>> count_from_first(["2026-05-04T09:00:00Z", ""])
+    [0.0, 0.0]
+    """
+    try:
+        moments = [parse_time(text) for text in start_times]
+    except ValueError:
+        return [0.0] * len(start_times)
+    return [one - min(moments) for one in moments]
 
 
 def _moment(text: str) -> datetime:

@@ -12,10 +12,11 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from ..effects.effect import OF_EVERY_RUN, RUN
 from ..errors import HrgError
+from ..records.time_origin import count_from_first
 from ..settings import list_leaves, validate
 from .simulation.bench_tables import EnvironmentTable, RecordingTable
 from .simulation.device_tables import Device, SpringTable, Start
@@ -39,6 +40,12 @@ class SimulationFile(Table):
     """Effects by name with their parameters (the table of effects)."""
     run_id: Annotated[str, Field(pattern=r"^[^/\\\s]+$")] = "run"
     """Name of the run."""
+    _begun_s: float = PrivateAttr(0.0)
+
+    @property
+    def begun_s(self) -> float:
+        """How long after the first run of its file this one begins."""
+        return self._begun_s
 
     @model_validator(mode="after")
     def _fast_enough(self) -> Self:
@@ -166,8 +173,9 @@ def list_runs(config: Mapping[str, Any], where: str = "simulation") -> list[Simu
 
 
 def _each_in_its_run(runs: list[SimulationFile], where: str) -> list[SimulationFile]:
-    """The runs, each without the effects that happen in another one: what has `run` happens in the
-    run of that number, from 0, or with −1 in every run. HrgError: there is no such run."""
+    """The runs, each told when it begins after the first, without the effects that happen in
+    another one: what has `run` happens in the run of that number, from 0, or with −1 in every run.
+    HrgError: there is no such run."""
 
     def happens(number: int, name: str, given: Mapping[str, Any]) -> bool:
         wanted = given.get(RUN, OF_EVERY_RUN)
@@ -179,7 +187,8 @@ def _each_in_its_run(runs: list[SimulationFile], where: str) -> list[SimulationF
             )
         return wanted in (OF_EVERY_RUN, number)
 
-    return [
+    began = count_from_first([run.recording.start_time for run in runs])
+    own = [
         run.model_copy(
             update={
                 "effects": {
@@ -191,6 +200,9 @@ def _each_in_its_run(runs: list[SimulationFile], where: str) -> list[SimulationF
         )
         for number, run in enumerate(runs)
     ]
+    for run, begun_s in zip(own, began, strict=True):
+        run._begun_s = begun_s
+    return own
 
 
 def _merged(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:

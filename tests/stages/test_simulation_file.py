@@ -33,6 +33,7 @@ def changed(**tables):
         ({"device": {"damping_split": 0.1, "damping_split_1_s": 0.1}}, r"damping_split and damping_split_1_s say the same; give one"),
         ({"device": {"damping_split_1_s": 0.5}}, r"one axis would gain energy"),
         ({"device": {"mode_number": 2.0}}, r"device.mode_number"),
+        ({"recording": {"start_time": "noon"}}, r'start_time = "noon" is no ISO 8601 time; write it as "2026-05-04T14:03:22Z"'),
         ({"start": {"quadrature": 2.0}}, r"the quadrature 2 exceeds the amplitude 1"),
         ({"readout": {"kind": "carrier"}}, r'carrier_hz belongs to kind = "carrier"'),
         ({"readout": {"carrier_hz": 5e4}}, r'carrier_hz belongs to kind = "carrier"'),
@@ -120,3 +121,10 @@ def test_damping_by_quality_factor_and_split_by_frequency_difference():
     assert 1 / settings.rate_1_s == pytest.approx(637, abs=0.5)
     assert settings.split_1_s == pytest.approx(1.57e-5, rel=2e-3)
     assert settings.frequency_split == pytest.approx(3.14e-3, rel=1e-3)
+
+
+def test_runs_know_how_long_after_the_first_they_begin_where_all_say_when():
+    times = ("2026-05-04T09:00:00Z", "2026-05-04T10:00:00+02:00", "2026-05-04T09:30:00")
+    runs = [{"recording": {"start_time": text}} for text in times]
+    assert [run.begun_s for run in list_runs(changed(run=runs))] == [3600.0, 0.0, 5400.0]
+    assert [run.begun_s for run in list_runs(changed(run=[*runs, {}]))] == [0.0] * 4

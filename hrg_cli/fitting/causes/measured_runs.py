@@ -76,6 +76,8 @@ class MeasuredRuns:
     """Of the channels' noise in every run (R, 2, 2); None: both have the same in all of them."""
     number: Array | None = None
     """Number of every run from 0 (R,), which it keeps where some are taken; None: as they stand."""
+    begun_s: Array | None = None
+    """How long after the first run each began (R,); None: not known."""
     free_phase: bool = False
     """Every row's phase is its own: what turns both channels together is neither fitted nor
     judged."""
@@ -123,6 +125,7 @@ class MeasuredRuns:
             names=tuple(self.names[i] for i in index),
             turn_rad_s=self.turn_rad_s[index],
             number=self.numbers[index],
+            begun_s=None if self.begun_s is None else self.begun_s[index],
             whitening=None if self.whitening is None else self.whitening[index],
             unsettled=self._select_unsettled(there) if in_order else None,
             **cut,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from ...records.time_origin import parse_time
 from .strict_table import NotNegative, Positive, Table, need_at_most_one, need_rising
 
 
@@ -159,3 +160,17 @@ class RecordingTable(Table):
     """The gyro."""
     lot_id: str = ""
     """The lot."""
+    start_time: str = ""
+    """ISO 8601 time at which the run begins; what ages does so from the first run's on."""
+
+    @model_validator(mode="after")
+    def _readable_start(self) -> Self:
+        try:
+            if self.start_time:
+                parse_time(self.start_time)
+        except ValueError as error:
+            raise ValueError(
+                f'start_time = "{self.start_time}" is no ISO 8601 time; write it as'
+                ' "2026-05-04T14:03:22Z"'
+            ) from error
+        return self

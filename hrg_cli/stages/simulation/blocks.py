@@ -179,6 +179,7 @@ def _head(settings: SimulationFile, pickoff: Readout) -> dict[str, Any]:
         "gyro_id": settings.recording.gyro_id,
         "lot_id": settings.recording.lot_id,
         "run_id": settings.run_id,
+        "start_time": settings.recording.start_time,
         "nominal_frequency_hz": settings.device.frequency_hz,
         "c_units": units,
         "s_units": units,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from ...errors import HrgError
 from ...physics import environment as bench
@@ -55,7 +56,7 @@ def make_environment(settings: SimulationFile, fine: bool = False) -> Environmen
         if e.temperature
         else bench.hold_value(e.temperature_degc)
     )
-    return bench.make_environment(
+    world = bench.make_environment(
         temperature,
         rate,
         0.0 if e.earth_logged else earth,
@@ -63,6 +64,7 @@ def make_environment(settings: SimulationFile, fine: bool = False) -> Environmen
         1 / settings.recording.sample_rate_hz,
         fine,
     )
+    return replace(world, begun_s=settings.begun_s)
 
 
 def _temperature_programme(

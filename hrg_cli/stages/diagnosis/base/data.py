@@ -24,6 +24,7 @@ from ....fitting.noise.difference_noise import MEDIAN, measure_difference_noise
 from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
 from ....physics import ellipse
 from ....records import Wave
+from ....records.time_origin import count_from_first
 from .base_priors import choose_held_scale_factor
 from .branches import average_branch
 from .first_guess import guess
@@ -333,6 +334,7 @@ def align_runs(runs: Sequence[EnvelopeRun], waves: Sequence[Wave]) -> MeasuredRu
         turn_rad_s=(phase[:, -1] - phase[:, 0]) / (time[:, -1] - time[:, 0]),
         reference_frequency_hz=reference_hz,
         mode_number=int(waves[0].mode_number),
+        begun_s=np.array(count_from_first([wave.start_time for wave in waves])),
         has_temperature=any(_has(w.temperature_degc) for w in waves),
         whitening=channel_noise.stack_matrices([r.whitening for r in runs]),
         coarse=tuple(k for k, wave in enumerate(waves) if is_coarse(wave)),

@@ -121,7 +121,7 @@ def compose_simulation_file(
             effects[LOSS] = loss
             # the run lasted longer than its samples tell
             length_s = float(wave.time_s[-1] + wave.window_s / 2) + loss_s
-            run["recording"] = {"duration_s": length_s, "sample_rate_hz": sampling}
+            run["recording"] |= {"duration_s": length_s, "sample_rate_hz": sampling}
         if tone is not None and not tone.common:
             effects[TONE] = _of_file(tone, tone.vector[first])
         if effects:

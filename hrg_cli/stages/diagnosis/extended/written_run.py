@@ -117,6 +117,8 @@ def run_table(
         "readout": {"noise": compute_sample_noise(piece, sample_rate_hz), "units": wave.units},
         "recording": {"duration_s": length},
     }
+    if wave.start_time:
+        run["recording"]["start_time"] = wave.start_time
     if wave.mode == "forced":
         log = make_drive_log(wave, length) if way.replayed else None
         run["control"] = {"mode": "forced"}

@@ -23,6 +23,7 @@ from ..fits.scoring import is_gross
 from ..thresholds import BESIDE_NOISE, SIGNIFICANT, WORTH
 from .inquiry import Inquiry, NoiseLevel
 from .offsets import Offsets, find_lone_run, judge_scatter, point_at, read_offsets
+from .other_ways import choose_ways
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns, share_among
 from .search_case import Case
 from .selection import Begun, Found, prune_causes
@@ -57,6 +58,8 @@ def take_from_frequencies(case: Case) -> Case:
     "the runs' frequencies agree within their errors"
     """
     search, noise = case.search, case.inquiry.noise
+    final, found = choose_ways(search.final, search.found, case.inquiry.candidates, noise)
+    search = replace(search, final=final, found=found)
     begun = [one.name for one in search.start.found]
     taken = _follow(search.final, case.inquiry, MOST - len(begun))
     new = {one.name: one for one in taken.causes}
