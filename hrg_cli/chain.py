@@ -324,7 +324,7 @@ def _rehearse_result(
     typed = f"hrg rehearse {output.name} --times {values['times']}"
     try:
         beside = [*inputs, *work.recordings]
-        told = rehearse_file(output, beside, values, work.jobs, lambda _: None, typed)
+        _, told = rehearse_file(output, beside, values, work.jobs, lambda _: None, typed)
     except (DiskFullError, UsageError):
         raise
     except HrgError as error:

@@ -32,7 +32,7 @@ def rehearse_file(
     jobs: int,
     progress: pipeline.Progress,
     written_by: str | None,
-) -> Rehearsal:
+) -> tuple[Record, Rehearsal]:
     """Rehearse a result file.
 
     Parameters
@@ -52,8 +52,9 @@ def rehearse_file(
 
     Returns
     -------
-    Rehearsal
-        What it says of the result's errors.
+    tuple
+        The result with the verdict in its status beside what it was doubted for before, and the
+        rehearsal.
 
     Raises
     ------
@@ -103,13 +104,14 @@ def rehearse_file(
         told = rehearse(record, inputs, own, share, find_identified(path, record, beside), **values)
     except HrgError as error:
         raise HrgError(f"{path}: {error}") from error
+    judged = judge_by_rehearsal(record, told)
     if written_by is not None:
-        write_verdict(path, record, told, written_by)
-    return told
+        write_verdict(path, judged, written_by)
+    return judged, told
 
 
-def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> None:
-    """Write a rehearsal's verdict into its result's status and details.
+def write_verdict(path: Path, judged: Record, typed: str) -> None:
+    """Write a result that a rehearsal has judged over its file.
 
     The file is written beside itself and renamed, so that it is whole at any time.
 
@@ -117,10 +119,8 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     ----------
     path
         The result.
-    record
-        As it was read.
-    told
-        Its rehearsal.
+    judged
+        As it was read, with the rehearsal's verdict in its status and details.
     typed
         The command, for the history.
 
@@ -131,7 +131,7 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     >>> import numpy as np
     >>> from hrg_cli import Resonator, store
     >>> from hrg_cli.rehearsal import write_verdict
-    >>> from hrg_cli.stages.rehearsing.rehearsals import Rehearsal
+    >>> from hrg_cli.stages.rehearsing.rehearsals import Rehearsal, judge_by_rehearsal
     >>> one = np.ones(1)
     >>> found = Resonator(
     ...     name=np.array(["scale_factor"]), units=np.array(["1"]), value=one, std=one,
@@ -140,13 +140,12 @@ def write_verdict(path: Path, record: Record, told: Rehearsal, typed: str) -> No
     >>> told = Rehearsal(30, [], (), 0, {"valid": 30}, "the file's")
     >>> with TemporaryDirectory() as folder:
     ...     file = Path(folder) / "resonator.h5"
-    ...     write_verdict(file, found, told, "rehearse resonator.h5")
+    ...     write_verdict(file, judge_by_rehearsal(found, told), "rehearse resonator.h5")
     ...     print(store.read(file, Resonator).provenance.history[0].split(" ", 3)[3])
     rehearse resonator.h5
     """
-    provenance = record.provenance
+    provenance = judged.provenance
     line = f"{store.stamp_now()} hrg {__version__} {typed}"
-    judged = judge_by_rehearsal(record, told)
     store.write(
         path,
         judged.replace(

@@ -82,11 +82,13 @@ def _rehearse_files(
             f"one resonator, calibration or diagnosis file is rehearsed at a time, {found} was"
             " given; the rest of FILE are its inputs"
         )
-    told = rehearse_file(
+    judged, told = rehearse_file(
         results[0], given, values, run.jobs, progress, None if keep_file else read_command_line()
     )
     report = {
-        **pipeline.make_common_keys("rehearsal", told.status, told.reasons, run.output, started),
+        **pipeline.make_common_keys(
+            "rehearsal", judged.status, judged.status_reasons, run.output, started
+        ),
         "file": str(results[0]),
         "written": not keep_file,
         **told.to_json(),
@@ -95,7 +97,7 @@ def _rehearse_files(
         with store.write_whole(run.output, run.force) as temporary:
             _write(report, run.output.suffix, temporary)
     if not keep_file:
-        console.tell(f"{results[0]}: the verdict ({told.status}) was written into its status")
+        console.tell(f"{results[0]}: the verdict ({judged.status}) was written into its status")
     return report, lambda: show(told.to_json())
 
 
@@ -164,7 +166,7 @@ def rehearse_outcome(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )
     with console.show_progress("rehearse", run.quiet or run.json) as progress:
-        told = rehearse_file(
+        _, told = rehearse_file(
             output, inputs, values, run.jobs, progress, f"{read_command_line()} (its rehearsal)"
         )
     record = store.read(output, type(outcome.record))

@@ -22,6 +22,12 @@ TWO_RATES = 0.2
 """Part of the range of all rates by which those at one angle must differ to tell K from D there."""
 NODE_SPACING_DEGC = 15.0
 """Spacing of nodes laid over a temperature sweep."""
+SMALLEST_GAP_DEGC, SMALLEST_GAP_HZ = 1.0, 0.2
+"""Means of two dwells are at least so far apart."""
+WIDE = 1.5
+"""Spacings between two dwells from which sweeps through them get nodes of their own."""
+SWEEPING = 2.0
+"""Times the span of every run that dwells, which all that sweep beside them have at least."""
 
 
 def _spread_over_sweep(low: float, high: float, spacing: float, narrowest: float) -> Array:
@@ -106,13 +112,15 @@ def _say_no_axis(name: str, given: Sequence[float] | None) -> str:
 def _nodes_of_runs(
     paths: Sequence[AnglePath], axis: str, low: float, high: float
 ) -> tuple[Array, float, float, list[str]]:
-    """Nodes where the runs dwell, since K and D are measured there; of a sweep even ones."""
+    """Nodes where the runs dwell, since K and D are measured there; of sweeps even ones."""
     by_temperature = axis == "temperature"
     margin = SINGLE_NODE_MARGIN_DEGC if by_temperature else SINGLE_NODE_MARGIN_HZ
-    nodes = _dwells(paths, axis)
-    if nodes is None:
-        spacing = NODE_SPACING_DEGC if by_temperature else (high - low) / 4
+    spacing = NODE_SPACING_DEGC if by_temperature else (high - low) / 4
+    nodes, sweeps = _find_dwells(paths, axis)
+    if not len(nodes):
         nodes = _spread_over_sweep(low, high, spacing, 2 * margin)
+    elif sweeps:
+        nodes = _fill_between(nodes, sweeps, axis, spacing)
     if len(nodes) > 1:
         return nodes, low, high, []
     unit, name = ("°C", "temperature") if by_temperature else ("Hz", "frequency")
@@ -123,12 +131,45 @@ def _nodes_of_runs(
     return nodes, low - margin, high + margin, [remark]
 
 
-def _dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
-    """Means of the groups of runs that each keep one temperature; None when runs sweep."""
+def _find_dwells(paths: Sequence[AnglePath], axis: str) -> tuple[Array, list[AnglePath]]:
+    """Means of the groups of runs that each keep one temperature, and the runs beside them that
+    sweep; no means where the runs that sweep are not clearly others than those that dwell."""
+    spans = np.array([np.ptp(p.find_abscissa(axis)) for p in paths])
+    widest = np.argsort(-spans, kind="stable")
+    for count in range(len(paths)):
+        away, kept = widest[:count], np.sort(widest[count:])
+        if count and spans[away[-1]] <= SWEEPING * spans[kept].max():
+            continue
+        centres = _group_dwells([paths[k] for k in kept], axis)
+        if centres is not None:
+            return centres, [paths[k] for k in away]
+    return np.zeros(0), list(paths)
+
+
+def _fill_between(dwells: Array, sweeps: Sequence[AnglePath], axis: str, spacing: float) -> Array:
+    """The dwells' nodes, and even ones where sweeps leave these or, at several rates, pass far
+    between two of them."""
+    x = np.concatenate([p.average_neighbours(p.find_abscissa(axis)) for p in sweeps])
+    rates = np.concatenate([p.rate_rad_s for p in sweeps])
+    smallest = SMALLEST_GAP_DEGC if axis == "temperature" else SMALLEST_GAP_HZ
+    ends = [float(x.min())] if x.min() < dwells[0] - smallest else []
+    more = [float(x.max())] if x.max() > dwells[-1] + smallest else []
+    edges = np.array([*ends, *dwells, *more])
+    out = [edges[:1]]
+    for a, b in pairwise(edges.tolist()):
+        here = rates[(x > a) & (x < b)]
+        turning = len(here) and np.ptp(here) > TWO_RATES * np.abs(rates).max()
+        parts = round((b - a) / spacing) if b - a > WIDE * spacing and turning else 1
+        out.append(np.linspace(a, b, parts + 1)[1:])
+    return np.concatenate(out)
+
+
+def _group_dwells(paths: Sequence[AnglePath], axis: str) -> Array | None:
+    """Means of the groups of runs that each keep one temperature; None when one sweeps."""
     means = np.array([p.find_abscissa(axis).mean() for p in paths])
     spans = np.array([np.ptp(p.find_abscissa(axis)) for p in paths])
     order = np.argsort(means)
-    smallest = 1.0 if axis == "temperature" else 0.2
+    smallest = SMALLEST_GAP_DEGC if axis == "temperature" else SMALLEST_GAP_HZ
     total = float(np.ptp(means))
     # runs of one dwell are a little apart; what is farther is another dwell
     gap = max(smallest, 0.04 * total)
