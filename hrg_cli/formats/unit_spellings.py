@@ -259,7 +259,8 @@ def split_name(name: str) -> tuple[str, str]:
     Parameters
     ----------
     name
-        The title: `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`, `rate_deg_s`, `rate_deg/s`.
+        The title: `time (ms)`, `CH1 [V]`, `CH1 in V`, `gyrox rad/s`, `rate_deg_s`, `rate_deg/s`,
+        `T/K`.
 
     Returns
     -------
@@ -293,9 +294,10 @@ def split_name(name: str) -> tuple[str, str]:
         unit = _SUFFIXES[found[2].lower()]
         return found[1], found[2] if len(unit) == len(found[2]) and "/" not in unit else unit
     head, _, last = name.rpartition(" ")
+    shortest = 2  # a letter after a blank numbers a channel rather than names a unit
     if not head and "/" in name and not is_unit(name):
-        head, _, last = name.partition("/")
-    if head and is_unit(last) and len(last) > 1:
+        (head, _, last), shortest = name.partition("/"), 1  # T/K, as quantities are tabulated
+    if head and is_unit(last) and len(last) >= shortest:
         return head.strip(), last.strip()
     if name.lower().endswith("_c") and "temp" in name.lower():
         return name[:-2], "degC"

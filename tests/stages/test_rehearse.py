@@ -264,6 +264,17 @@ def test_command(folder, hrg):
     assert hrg("rehearse", folder / "down.w.h5").status == 2
 
 
+def test_a_rehearsal_leaves_what_the_result_was_doubted_for(folder, hrg):
+    """A resonator of runs with a hidden gain mismatch, "suspect": its rehearsal was "valid", also
+    to --strict."""
+    found = folder / "resonator.h5"
+    store.write(found, store.read(found, Resonator).judged(["it has its doubts"]), force=True)
+    done = hrg("rehearse", found, "--times", "2", "--json", "--strict")
+    assert done.status == 3 and done.json["status"] == "suspect"
+    assert "it has its doubts" in done.json["status_reasons"]
+    assert store.read(found, Resonator).status_reasons == tuple(done.json["status_reasons"])
+
+
 def test_at_once(folder, hrg):
     done = hrg(
         "identify",

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..least_squares import invert_definite
-from .normal_pieces import TableSolution
-from .table_layout import TableLayout
+from .normal_pieces import LEAST_SEEN, TableSolution, solve
+from .table_layout import Model, TableLayout
 
 Array = np.ndarray
 COMMON_SHARE = 0.75
@@ -37,11 +37,11 @@ ABSENT_TO_PRESENT = {"drift": (1.0, 4.0, 20.0), "scale": (0.1, 0.1, 5.0)}
 one linear defect makes the first, two of them or a cubic term the second, more are needed above.
 Read-outs have some mismatch as a rule; absent harmonics within the sizes above are refuted by clean
 data whatever the odds."""
+UNSEEN = 1e-12
+"""Information that directions have which no data see, over that of one coefficient by itself."""
 SWEEPS, BURN_IN = 16, 4
 FEWER_SWEEPS = 7
 """Enough where the mean alone is wanted."""
-FIRST_SWEEPS = 2
-"""Of them all, after which two states that began at opposite ends are held against each other."""
 _Moments = tuple[Array, Array]
 
 
@@ -153,104 +153,52 @@ def average_over_doubt(
     >>> bool(found[1] > 99), bool(0 < found[3] < 0.25)
     (True, True)
     """
+    generator = np.random.default_rng(seed)
     active = np.flatnonzero(np.abs(seen).sum(axis=1) > 0)
     place = {int(full): i for i, full in enumerate(active)}
     groups = [np.vectorize(place.__getitem__)(d.places) for d in doubtful]
     A, b = information[np.ix_(active, active)], vector[active]
-    diagonal = np.diag(A)
-    # directions that no data see keep a finite, very wide variance
-    A = A + np.diag(1e-10 * np.maximum(diagonal, 1e-12 * diagonal.max()))
-    sampler = _Sampler(A, b, groups, doubtful)
-    generator = np.random.default_rng(seed)
-    scale = sampler.choose_start(generator, np.random.default_rng([seed, 1]))
+    # what no data see keeps a finite, wide variance about the fit: about 0 that would draw there
+    # what they hardly see
+    flat = solve(A, b, Model("flat", np.eye(len(b)))).coefficients
+    A = A + np.diag(UNSEEN * np.maximum(np.diag(A), LEAST_SEEN * np.diag(A).max()))
+    b = A @ flat
+    grids = [_prior_variances(A, flat, g, harmonic) for g, harmonic in zip(groups, doubtful)]
+    # begun where nothing is shrunk
+    scale = [len(grid) - 1 for grid in grids]
+    nodes = len(groups[0]) if groups else 1
+    one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
+    # a defect of the read-out is the same at all nodes but for its own course with temperature
+    prior = np.kron(one, np.eye(2))
+    inverse_prior = np.linalg.inv(prior)
+
+    def invert_without(n: int) -> Array:
+        """Covariance with the priors of all harmonics but one; summed anew, since what a narrow
+        prior adds and takes off again would leave its rounding."""
+        precision = A.copy()
+        for k, (g, grid, i) in enumerate(zip(groups, grids, scale)):
+            if k != n:
+                precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
+        return invert_definite(precision)
+
     passes: list[list[_Moments]] = [[] for _ in groups]
-    for sweep in range(FIRST_SWEEPS, sweeps):
-        sampler.draw_all(scale, generator, passes if sweep >= BURN_IN else None)
+    for sweep in range(sweeps):
+        # Gibbs: the harmonic's own prior is taken out, its sizes weighed by what all others leave,
+        # one drawn. The mean over sizes is summed exactly at each step (Rao and Blackwell), so a
+        # dozen sweeps do; their order is drawn, since harmonics in a fixed one follow each other
+        for n in generator.permutation(len(groups)):
+            own = groups[n].ravel()
+            covariance = invert_without(n)
+            mean, gain = covariance @ b, covariance[:, own]
+            weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
+            if sweep >= BURN_IN:
+                passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
+            scale[n] = int(generator.choice(len(weights), p=weights))
     away, spread = _combine(passes, groups)
     coefficients, covariance = np.zeros(len(vector)), np.zeros_like(information)
-    coefficients[active] = sampler.flat + away
+    coefficients[active] = flat + away
     covariance[np.ix_(active, active)] = spread
     return TableSolution(coefficients, covariance, float(np.trace(spread @ A)))
-
-
-class _Sampler:
-    """Gibbs: a harmonic's own prior is taken out, its sizes weighed by what all others leave, one
-    drawn; a state is the place of every harmonic's size on its grid.
-
-    The mean over sizes is summed exactly at each step (Rao and Blackwell), so a dozen sweeps do;
-    their order is drawn, since harmonics in a fixed one follow each other.
-    """
-
-    def __init__(
-        self, A: Array, b: Array, groups: Sequence[Array], doubtful: Sequence[Doubtful]
-    ) -> None:
-        self._A, self._b, self._groups = A, b, groups
-        self.flat = np.linalg.solve(A, b)
-        self._odds = [harmonic.odds for harmonic in doubtful]
-        self._grids = [
-            _prior_variances(A, self.flat, g, harmonic)
-            for g, harmonic in zip(groups, doubtful, strict=True)
-        ]
-        nodes = len(groups[0]) if groups else 1
-        one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
-        # a defect of the read-out is the same at all nodes but for its own course with temperature
-        self._prior = np.kron(one, np.eye(2))
-        self._inverse_prior = np.linalg.inv(self._prior)
-
-    def choose_start(self, generator: np.random.Generator, other: np.random.Generator) -> list[int]:
-        """The likelier state of two that begin at the ends: nothing shrunk, and nothing there.
-
-        Where the data hardly tell some harmonics apart, large ones that cancel each other hold each
-        other up: one by one none of them goes, and from the other end none of them comes.
-        """
-        large = [len(grid) - 1 for grid in self._grids]
-        absent = [0] * len(self._grids)
-        for _ in range(FIRST_SWEEPS):
-            self.draw_all(large, generator)
-            self.draw_all(absent, other)
-        return large if self._judge(large) >= self._judge(absent) else absent
-
-    def draw_all(
-        self,
-        scale: list[int],
-        generator: np.random.Generator,
-        passes: Sequence[list[_Moments]] | None = None,
-    ) -> None:
-        """Every harmonic's size once, in the state `scale`; the moments over its sizes go to
-        `passes`."""
-        for n in generator.permutation(len(self._groups)):
-            own = self._groups[n].ravel()
-            covariance = invert_definite(self._sum_precision(scale, but=n))
-            mean, gain = covariance @ self._b, covariance[:, own]
-            weights, steps = _weigh_sizes(
-                mean, gain, own, self._grids[n], self._prior, self._odds[n]
-            )
-            if passes is not None:
-                passes[n].append(_sum_mixture(mean - self.flat, covariance, weights, steps))
-            scale[n] = int(generator.choice(len(weights), p=weights))
-
-    def _sum_precision(self, scale: Sequence[int], but: int | None = None) -> Array:
-        """With the priors of all harmonics, or of all but one; summed anew, since what a narrow
-        prior adds and takes off again would leave its rounding."""
-        precision = self._A.copy()
-        for k, (g, grid, i) in enumerate(zip(self._groups, self._grids, scale, strict=True)):
-            if k != but:
-                precision[np.ix_(g.ravel(), g.ravel())] += self._inverse_prior / grid[i]
-        return precision
-
-    def _judge(self, scale: Sequence[int]) -> float:
-        """Log of a state's probability, the coefficients integrated out, up to a constant."""
-        precision = self._sum_precision(scale)
-        told = self._b @ np.linalg.solve(precision, self._b)
-        own = sum(
-            g.size * np.log(grid[i])
-            for g, grid, i in zip(self._groups, self._grids, scale, strict=True)
-        )
-        odds = sum(
-            np.log(_list_odds(len(grid), before)[i])
-            for grid, before, i in zip(self._grids, self._odds, scale, strict=True)
-        )
-        return float(0.5 * (told - np.linalg.slogdet(precision)[1] - own) + odds)
 
 
 def _sum_mixture(
@@ -318,13 +266,7 @@ def _weigh_sizes(
             -0.5 * float(whitened[:, 0] @ whitened[:, 0]) - float(np.log(np.diag(factor)).sum())
         )
         steps.append(whitened)
-    weights = _list_odds(len(variances), odds) * np.exp(np.array(logs) - max(logs))
+    before = np.full(len(variances), 1 / (len(variances) - 1))
+    before[0] = odds
+    weights = before * np.exp(np.array(logs) - max(logs))
     return weights / weights.sum(), steps
-
-
-def _list_odds(sizes: int, absent: float) -> Array:
-    """Odds of the sizes before the data: the first for a harmonic that is absent, 1 for all others
-    together."""
-    before = np.full(sizes, 1 / (sizes - 1))
-    before[0] = absent
-    return before

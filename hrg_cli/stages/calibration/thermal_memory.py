@@ -6,12 +6,13 @@ iv): then it is said so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ...errors import name_some
 from ...fitting.tables.increments import AnglePath
 from ...fitting.tables.joint import Fitted, fit
 from ...fitting.tables.normal_pieces import solve
@@ -204,10 +205,22 @@ def tell_one_way(fitted: Fitted, coefficients: Array) -> list[str]:
     )
     rate = turn / max(abs(layout.compute_mean_scale_factor(coefficients)), 1e-300)
     return [
-        f"all runs {'warm' if moving.mean() > 0 else 'cool'}, where no lag of the thermometer"
-        f" shows: each second of it makes the drift wrong by up to {rate / DEGREE_PER_HOUR:.2g}"
-        " °/h; sweep both ways"
+        f"{_name_moving(fitted, sweeps)} {'warm' if moving.mean() > 0 else 'cool'}, where no lag of"
+        " the thermometer shows: each second of it makes the drift wrong by up to"
+        f" {rate / DEGREE_PER_HOUR:.2g} °/h; sweep both ways"
     ]
+
+
+def _name_moving(fitted: Fitted, sweeps: Sequence[Array]) -> str:
+    """Those of the runs whose temperature moves."""
+    names = [
+        path.run_id or f"number {k}"
+        for k, (path, sweep) in enumerate(zip(fitted.paths, sweeps, strict=True), 1)
+        if (np.abs(sweep) > LEAST_SWEEP_DEGC_S).any()
+    ]
+    if len(names) == len(sweeps):
+        return "all runs"
+    return f"all runs that do not dwell ({name_some(names)})"
 
 
 def _with_memory(layout: TableLayout, coefficients: Array) -> TableLayout:

@@ -27,6 +27,20 @@ def test_a_clear_harmonic_stays_and_an_absent_one_goes():
     assert np.linalg.eigvalsh(found.covariance).min() > -1e-9
 
 
+def test_what_is_hardly_seen_is_not_drawn_to_zero():
+    """Drift and scale factor at nearly one rate, seen to 1e-12 and by their difference to 1e-8: the
+    answer stands 1e5 of its σ from zero, and a prior of 1e5 σ of one coefficient drew it there by
+    68 of its own."""
+    layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    one, truth = np.array([1.0, 0.0, 0.0, -1.0]), np.array([2e-4, 0.0, 0.0, 0.28])
+    information = 1e16 * np.outer(np.abs(one), np.abs(one)) + 1e8 * np.outer(one, one)
+    information += 1e16 * np.diag([0.0, 1.0, 1.0, 0.0])
+    doubtful = find_doubtful_harmonics(layout, ["drift"], 0.28)
+    found = average_over_doubt(information, information @ truth, np.eye(4), doubtful, 0)
+    away = (found.coefficients - truth) / np.sqrt(np.diag(found.covariance))
+    assert np.abs(away).max() < 0.05
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_is_rarely_there_is_in_the_error_whatever_the_draws(seed):
     """Nothing seen, at unit noise and each harmonic by itself: the variance is the sum over the
