@@ -283,7 +283,7 @@ def split_name(name: str) -> tuple[str, str]:
         return found[2].strip(), ""  # X(CH1): the bracket names the channel
     if found and (found[1] or is_unit(found[2])) and (name[-1] in "])" or is_unit(found[2])):
         unit = found[2].strip()
-        return (found[1] or "").strip() or ("time" if is_time(unit) else ""), unit
+        return (found[1] or "").strip(" /") or ("time" if is_time(unit) else ""), unit
     found = _SUFFIX.match(name)
     likely = {
         "s": ("time", "t", "elapsed", "timestamp"),

@@ -160,6 +160,7 @@ def test_demodulated_logs_tell_it_too(tmp_path):
         ("T/K", ("T", "K")),
         ("ϑ/°C", ("ϑ", "°C")),
         ("t/s", ("t", "s")),
+        ("Ω/(rad/s)", ("Ω", "rad/s")),
         ("CH1/V", ("CH1", "V")),
         ("deg/s", ("deg/s", "")),
         ("warps", ("warps", "")),
