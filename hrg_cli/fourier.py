@@ -8,6 +8,8 @@ angle (PHYSICS §0, harmonic theorem).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 Array = np.ndarray
@@ -58,13 +60,12 @@ def build_harmonic_basis(
     angle = np.asarray(wave_angle_rad, float)
     columns = np.empty((angle.size, 1 + 2 * harmonics))
     columns[:, 0] = 1.0
-    for k in range(1, harmonics + 1):
-        n = 2 * mode_number * k
-        loss = np.sinc(n * np.asarray(travel_rad) / (2 * np.pi)) * np.sinc(
-            n * np.asarray(block_travel_rad) / (2 * np.pi)
-        )
-        columns[:, 2 * k - 1] = np.cos(n * angle) * loss
-        columns[:, 2 * k] = np.sin(n * angle) * loss
+    n = 2 * mode_number * np.arange(1, harmonics + 1)
+    loss = np.sinc(np.asarray(travel_rad)[..., None] * n / (2 * np.pi)) * np.sinc(
+        np.asarray(block_travel_rad)[..., None] * n / (2 * np.pi)
+    )
+    columns[:, 1::2] = np.cos(angle[:, None] * n) * loss
+    columns[:, 2::2] = np.sin(angle[:, None] * n) * loss
     return columns
 
 
@@ -192,20 +193,52 @@ def interpolate_coefficients(
     >>> interpolate_coefficients(np.array([5.0]), nodes, at_nodes).tolist()
     [[1.5, 1.0]]
     """
-    if interpolation == "monotone" and len(nodes) > 2:
-        return np.stack(
-            [
-                np.einsum("nj,j->n", compute_monotone_weights(x, nodes, c), c)
-                for c in np.asarray(coefficients).T
-            ],
-            axis=1,
-        )
-    return (
-        compute_node_weights(
-            x, nodes, "linear" if interpolation in ("linear", "monotone") else "cubic"
-        )
-        @ coefficients
+    return make_interpolant(nodes, coefficients, interpolation)(x)
+
+
+def make_interpolant(
+    nodes: Array, coefficients: Array, interpolation: str = "linear"
+) -> Callable[[Array], Array]:
+    """`interpolate_coefficients` of one table, for many calls.
+
+    Parameters
+    ----------
+    nodes
+        Of the table, rising, (J,).
+    coefficients
+        h_j, (J, H), in the unit of the table.
+    interpolation
+        "linear", "cubic" or "monotone".
+
+    Returns
+    -------
+    callable
+        x (n,) -> coefficients (n, H).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fourier import make_interpolant
+    >>> at = make_interpolant(np.array([0.0, 20.0]), np.array([[1.0, 0.0], [3.0, 4.0]]))
+    >>> at(np.array([5.0])).tolist()
+    [[1.5, 1.0]]
+    """
+    nodes, coefficients = np.asarray(nodes, float), np.asarray(coefficients, float)
+    if len(nodes) < 3 or interpolation == "linear":
+        return lambda x: compute_node_weights(x, nodes) @ coefficients
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    curve = (PchipInterpolator if interpolation == "monotone" else CubicSpline)(
+        nodes, coefficients, axis=0
     )
+    slope = curve.derivative()
+
+    def at(x: Array) -> Array:
+        x = np.asarray(x, float)
+        inside = np.clip(x, nodes[0], nodes[-1])
+        return np.asarray(curve(inside) + slope(inside) * (x - inside)[:, None])
+
+    return at
 
 
 def evaluate(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.effect import Effect, Values, find_frame
-from ...fourier import evaluate
+from ...fourier import build_harmonic_basis, make_interpolant
 from ...physics.plant import SlowState
 from ...physics.resonator import J
 from ...records import Calibration, Resonator
@@ -86,19 +86,20 @@ def _make_tables_effect(
     the course.
     """
     nodes, mode = np.asarray(truth.node, float), truth.mode_number
-    drift, scale = (
-        np.asarray(truth.drift_harmonics, float),
-        np.asarray(truth.scale_factor_harmonics, float),
-    )
+    tables = [
+        np.asarray(table, float) for table in (truth.drift_harmonics, truth.scale_factor_harmonics)
+    ]
+    columns = max(table.shape[1] for table in tables)
+    both = [np.pad(table, ((0, 0), (0, columns - table.shape[1]))) for table in tables]
+    interpolate = make_interpolant(nodes, np.concatenate(both, axis=1), truth.interpolation)
 
     def slow(_: Values, u: Array, state: SlowState) -> Array:
         e_A = find_frame(u, state.phase_rad)[1]
         angle = np.arctan2(e_A[..., 1], e_A[..., 0]).ravel() / mode
         x = state.temperature_degc if frequency is None else np.interp(state.time_s, *frequency)
         at = np.broadcast_to(x, u.shape[:-1]).ravel()
-        D, K = (
-            evaluate(at, angle, nodes, table, mode, truth.interpolation) for table in (drift, scale)
-        )
+        basis = build_harmonic_basis(angle, (columns - 1) // 2, mode)
+        D, K = (basis[:, None, :] * interpolate(at).reshape(-1, 2, columns)).sum(axis=2).T
         rate = np.broadcast_to(state.rate_rad_s, u.shape[:-1]).ravel()
         turning = ((K - device_scale_factor) * rate - D).reshape(u.shape[:-1])
         change = turning[..., None] * (u @ J.T)
