@@ -38,6 +38,7 @@ def run(
     count: int,
     start_angle_rad: float = 0.0,
     averaged: bool = False,
+    followed: list[EnvelopePath] | None = None,
 ) -> Iterator[Block]:
     """The samples of a run from the envelopes' equation, as `fast_engine.run` makes them sample by
     sample.
@@ -63,6 +64,9 @@ def run(
     averaged
         The equation averaged over a period, without what is of second order in the slow rates over
         ω.
+    followed
+        Paths of the same motion, which then is not followed again; an empty list is filled with
+        them.
 
     Returns
     -------
@@ -87,12 +91,19 @@ def run(
     """
     motion = EnvelopeMotion(environment, plant_at, control, terms, averaged)
     stride = count_step_samples(environment, motion.plant, control, step_s)
-    memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
-    u = np.asarray(start, complex)
-    for first in range(0, count, CHUNK):
-        n = min(CHUNK, count - first)
-        t = (first + np.arange(-(-n // stride) + 1) * stride) * step_s
-        path, u = follow(motion, t, stride * step_s, u, memory)
+    chunks = [(first, min(CHUNK, count - first)) for first in range(0, count, CHUNK)]
+
+    def follow_all() -> Iterator[EnvelopePath]:
+        memory = Memory(np.zeros(2), np.array([np.cos(start_angle_rad), np.sin(start_angle_rad)]))
+        u = np.asarray(start, complex)
+        for first, n in chunks:
+            t = (first + np.arange(-(-n // stride) + 1) * stride) * step_s
+            path, u = follow(motion, t, stride * step_s, u, memory)
+            yield path
+
+    if followed is not None and not followed:
+        followed.extend(follow_all())
+    for (first, n), path in zip(chunks, followed or follow_all(), strict=True):
         yield sample(path, motion, terms, (first + np.arange(n)) * step_s, stride)
 
 

@@ -17,6 +17,7 @@ from ..errors import HrgError, name_some
 from ..extras import warn_of_plain_python
 from ..physics import fast_engine, slow_engine, slow_motion
 from ..physics.plant import Block, Environment, Plant, Readout, make_linear_plant
+from ..physics.slow_engine import EnvelopePath
 from ..records import Recording
 from .simulation.blocks import record_blocks
 from .simulation.simulated_gyro import (
@@ -204,6 +205,7 @@ def simulate_run(
     model: str = "fast",
     seed: int = 0,
     block_samples: int = 1_000_000,
+    followed: list[EnvelopePath] | None = None,
 ) -> Iterator[Recording]:
     """One checked run as a stream of recording blocks.
 
@@ -220,6 +222,9 @@ def simulate_run(
         Of the noise; each run of a file has noise of its own.
     block_samples
         Samples (n,) in a block.
+    followed
+        Of the slow model: the motion's paths, kept by the caller for the same run with other noise;
+        an empty list is filled with them.
 
     Returns
     -------
@@ -252,7 +257,7 @@ def simulate_run(
             settings, active, np.random.default_rng([seed, run_number, 1])
         )
     else:
-        made, pickoff, logged = _slow(settings, active)
+        made, pickoff, logged = _slow(settings, active, followed)
     return record_blocks(
         settings, made, pickoff, logged, np.random.default_rng([seed, run_number]), block_samples
     )
@@ -335,7 +340,9 @@ def _slow_worlds(settings: SimulationFile, active: Active) -> tuple[Environment,
     return world, logged
 
 
-def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Readout, Environment]:
+def _slow(
+    settings: SimulationFile, active: Active, followed: list[EnvelopePath] | None
+) -> tuple[Iterator[Block], Readout, Environment]:
     mechanics, courses, pickoff = (
         make_mechanics(settings),
         make_courses(settings),
@@ -365,6 +372,7 @@ def _slow(settings: SimulationFile, active: Active) -> tuple[Iterator[Block], Re
             _count(settings),
             angle,
             averaged=settings.device.averaged,
+            followed=followed,
         ),
         pickoff,
         logged,

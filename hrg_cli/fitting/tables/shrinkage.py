@@ -158,10 +158,7 @@ def average_over_doubt(
     place = {int(full): i for i, full in enumerate(active)}
     groups = [np.vectorize(place.__getitem__)(d.places) for d in doubtful]
     A, b = information[np.ix_(active, active)], vector[active]
-    # what no data see keeps a finite, wide variance about the fit: about 0 that would draw there
-    # what they hardly see
-    flat = solve(A, b, Model("flat", np.eye(len(b)))).coefficients
-    A = A + np.diag(UNSEEN * np.maximum(np.diag(A), LEAST_SEEN * np.diag(A).max()))
+    A, flat = _fit_flat(A, b)
     b = A @ flat
     grids = [_prior_variances(A, flat, g, harmonic) for g, harmonic in zip(groups, doubtful)]
     # begun where nothing is shrunk
@@ -199,6 +196,17 @@ def average_over_doubt(
     coefficients[active] = flat + away
     covariance[np.ix_(active, active)] = spread
     return TableSolution(coefficients, covariance, float(np.trace(spread @ A)))
+
+
+def _fit_flat(A: Array, b: Array) -> tuple[Array, Array]:
+    """The information with a little in every direction, and the fit without priors.
+
+    What no data see keeps a finite, wide variance about the fit: about 0 that would draw there what
+    they hardly see.
+    """
+    flat = solve(A, b, Model("flat", np.eye(len(b)))).coefficients
+    least = UNSEEN * np.maximum(np.diag(A), LEAST_SEEN * np.diag(A).max())
+    return A + np.diag(least), flat
 
 
 def _sum_mixture(

@@ -15,7 +15,7 @@ from ...errors import HrgError
 from ...records import REHEARSAL as PREFIX
 from ...records import Calibration, Diagnosis, Record, Resonator
 from . import twin_colour
-from .rehearsed_figures import Rehearsed
+from .rehearsed_figures import Rehearsed, RehearsedFigure
 from .statistics import FigureStatistics, Named, judge_figure
 from .twin import Twin
 from .twin_diagnosis import list_causes, list_held_causes
@@ -126,16 +126,7 @@ def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
         raise HrgError(
             f"{len(failed)} of {len(done)} rehearsals failed; the first: {failed[0].reason}"
         )
-    names = [
-        name
-        for name in dict.fromkeys(name for one in good for name in one.figures)
-        if _is_estimated([one.figures[name].value for one in good if name in one.figures])
-    ]
-    t = {
-        name: np.array([one.figures[name].compute_t() for one in good if name in one.figures])
-        for name in names
-    }
-    figures = [judge_figure(name, values, len(names)) for name, values in t.items()]
+    figures = _judge_figures(good)
     named = _count_names(twin, good)
     reasons = [sentence for sentence in (f.describe_fault() for f in figures) if sentence]
     reasons += [s for s in (cause.describe_fault(len(named)) for cause in named) if s]
@@ -162,6 +153,28 @@ def summarise(twin: Twin, done: Sequence[Rehearsed]) -> Rehearsal:
     }[type(twin.truth)]
     colour = twin_colour.describe_colour([run.colour for run in twin.runs])
     return Rehearsal(len(done), figures, tuple(reasons), len(failed), statuses, what, named, colour)
+
+
+def _judge_figures(good: Sequence[Rehearsed]) -> list[FigureStatistics]:
+    """The statistics of every figure that was estimated."""
+    by_name: dict[str, list[RehearsedFigure]] = {}
+    for one in good:
+        for name, figure in one.figures.items():
+            by_name.setdefault(name, []).append(figure)
+    estimated = {
+        name: found
+        for name, found in by_name.items()
+        if _is_estimated([figure.value for figure in found])
+    }
+    return [
+        judge_figure(
+            name,
+            np.array([figure.compute_t() for figure in found]),
+            len(estimated),
+            doubted=any(figure.doubted for figure in found),
+        )
+        for name, found in estimated.items()
+    ]
 
 
 def _is_estimated(values: Sequence[float]) -> bool:

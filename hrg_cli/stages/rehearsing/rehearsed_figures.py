@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class RehearsedFigure:
     std: float
     truth: float
     period: float = 0.0
+    doubted: bool = False
+    """Whether its σ holds, beside what repeats scatter by, what the data could not have shown."""
 
     def compute_t(self) -> float:
         """(estimate − truth)/σ, an angle modulo its period."""
@@ -84,7 +87,7 @@ def compare_figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
     if isinstance(record, Resonator) and isinstance(truth, Resonator):
         return _compare_parameters(record, truth)
     assert isinstance(record, Calibration) and isinstance(truth, Calibration)
-    return _compare_coefficients(record, truth)
+    return _compare_coefficients(record, truth, twin.settings)
 
 
 def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, RehearsedFigure]:
@@ -138,11 +141,20 @@ def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str,
     return found
 
 
-def _compare_coefficients(record: Calibration, truth: Calibration) -> dict[str, RehearsedFigure]:
+def _compare_coefficients(
+    record: Calibration, truth: Calibration, settings: Mapping[str, Any]
+) -> dict[str, RehearsedFigure]:
     """Fourier coefficients of both tables at the rehearsal's nodes; the truth's tables are read
-    there."""
+    there.
+
+    A harmonic that is not seen, of a table whose band limit was left open, is averaged over how
+    large it may be: its σ says that, and its estimate hardly moves.
+    """
     found = {}
-    for kind in ("drift_harmonics", "scale_factor_harmonics"):
+    for kind, limit in (
+        ("drift_harmonics", "harmonics"),
+        ("scale_factor_harmonics", "scale_factor_harmonics"),
+    ):
         values, std = np.asarray(getattr(record, kind)), np.asarray(getattr(record, f"{kind}_std"))
         true = interpolate_coefficients(
             np.asarray(record.node, float),
@@ -154,8 +166,12 @@ def _compare_coefficients(record: Calibration, truth: Calibration) -> dict[str, 
             for k in range(min(values.shape[1], true.shape[1])):
                 if np.isfinite(std[node, k]) and std[node, k] > 0:
                     name = f"{kind.removesuffix('_harmonics')} {_name_harmonic(k)} at {x:.4g} °C"
+                    unseen = k > 0 and abs(true[node, k]) < CLEAR * std[node, k]
                     found[name] = RehearsedFigure(
-                        float(values[node, k]), float(std[node, k]), float(true[node, k])
+                        float(values[node, k]),
+                        float(std[node, k]),
+                        float(true[node, k]),
+                        doubted=bool(unseen and settings.get(limit) is None),
                     )
     return found
 

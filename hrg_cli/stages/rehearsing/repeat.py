@@ -16,7 +16,8 @@ from ..demodulate import demodulate
 from ..diagnose import diagnose
 from ..estimate import estimate
 from ..identify import identify
-from ..simulate import simulate
+from ..simulate import simulate_run
+from ..simulation_file import list_runs
 from .rehearsed_figures import Rehearsed, compare_figures
 from .twin import Twin
 from .twin_diagnosis import list_causes
@@ -24,6 +25,9 @@ from .twin_effects import make_effects
 
 STREAMS = 1_000_003
 """Rehearsal k of a seed draws from the stream seed·STREAMS + k."""
+MOST_NODES = 100_000
+"""Of a run's motion, some 20 MB, up to which it is kept for the next rehearsal: its noise alone is
+another."""
 STAGES: Mapping[str, Callable[..., Any]] = {
     "identify": identify,
     "calibrate": calibrate,
@@ -117,7 +121,11 @@ def make_wave(twin: Twin, number: int, seed: int) -> Wave:
     extra = make_effects(twin, number, seed)
     model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"
     config["effects"] = {**config.get("effects", {}), **{effect.name: {} for effect in extra}}
-    recording = collect(simulate(config, extra, model=model, run=run.name, seed=seed))
+    (settings,) = (one for one in list_runs(config) if one.run_id == run.name)
+    paths = twin.motions.setdefault(number, [])
+    recording = collect(simulate_run(settings, extra, model=model, seed=seed, followed=paths))
+    if sum(len(path.time_s) for path in paths) > MOST_NODES:
+        del twin.motions[number]
     periods = collect(demodulate(recording, **checking.check_settings(demodulate, run.demodulate)))
     wave = collect(estimate(periods, **checking.check_settings(estimate, run.estimate)))
     return wave.replace(**run.carried, **dict.fromkeys(run.missing))

@@ -92,7 +92,9 @@ class Named:
         return ""
 
 
-def judge_figure(name: str, t: Array, figures: int = 1) -> FigureStatistics:
+def judge_figure(
+    name: str, t: Array, figures: int = 1, *, doubted: bool = False
+) -> FigureStatistics:
     """Statistics of a figure's errors over all rehearsals, and the limits that a right figure
     keeps.
 
@@ -107,6 +109,8 @@ def judge_figure(name: str, t: Array, figures: int = 1) -> FigureStatistics:
         Errors (n,) in σ.
     figures
         Among how many it is judged.
+    doubted
+        Its σ holds more than repeats scatter by, so that it is never too wide.
 
     Returns
     -------
@@ -135,5 +139,5 @@ def judge_figure(name: str, t: Array, figures: int = 1) -> FigureStatistics:
         n,
         max(LARGEST_BIAS, float(-ndtri(tail / 2) / np.sqrt(n))),
         max(LARGEST_RATIO, float(np.sqrt(chdtri(n, tail) / n))),
-        min(1 / LARGEST_RATIO, float(np.sqrt(chdtri(n, 1 - tail) / n))),
+        0.0 if doubted else min(1 / LARGEST_RATIO, float(np.sqrt(chdtri(n, 1 - tail) / n))),
     )

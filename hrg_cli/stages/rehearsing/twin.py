@@ -4,13 +4,14 @@ measured run's start, length and logs."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ...errors import HrgError
 from ...physics.resonator import Mechanics
+from ...physics.slow_engine import EnvelopePath
 from ...records import Calibration, Record, Resonator
 from ..earth_rate import read_earth_rate
 from . import twin_colour
@@ -33,6 +34,8 @@ class Twin:
     settings: Mapping[str, Any]
     truth: Record
     resonators: Sequence[Twin] = ()
+    motions: dict[int, list[EnvelopePath]] = field(default_factory=dict, compare=False)
+    """By run the paths of its motion once they are followed, the same in every rehearsal."""
 
     @property
     def samples(self) -> int:
