@@ -42,6 +42,9 @@ so far from the others is doubted whatever χ² is."""
 CLOCKS_APART = 1e-5
 """Relative difference of one run's frequency from the others' from which its clock is asked whether
 it mends all else of that run, where χ² is more than the noise."""
+GYROS_APART = 10.0
+"""Times what the frequencies of two groups of runs differ by within them, by which the groups must
+be apart to be two gyros'."""
 NEVER_LESS = 1.2
 """Variance over that of white noise from which a slow residual counts as wandering noise rather
 than as the noise itself."""

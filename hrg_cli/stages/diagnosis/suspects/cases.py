@@ -11,12 +11,13 @@ import numpy as np
 from ....errors import HrgError
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.coordinates import FREQUENCY_SPLIT
 from ....records import Wave
 from ...suspicion import Suspicion
 from ..thresholds import MISTAKE_PRICE, UNUSUAL_SCALE_FACTOR
 from .laws import is_one_law
 from .logs import has_usual_scale_factor
-from .readings import Reading
+from .readings import DAMPING, Reading
 
 Fitted = Callable[..., ExtendedFit]
 """The base model fitted to waves, one a piece of a run; `quick=True`: beside nothing that a drive's
@@ -126,3 +127,30 @@ def is_any_logged(waves: Sequence[Wave]) -> bool:
     False
     """
     return any(wave.drive_main is not None for wave in waves)
+
+
+def describe_gyro(fit: ExtendedFit) -> str:
+    """A fit's resonator in a few figures.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    str
+        Mean frequency, damping and frequency split.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.cases import describe_gyro
+    >>> describe_gyro(fit_waves(draw_waves())).split(", ")[0]
+    '100 Hz'
+    """
+    damping, split = fit.coordinate(DAMPING), float(np.hypot(*fit.point.p[FREQUENCY_SPLIT]))
+    return (
+        f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g}"
+        " rad/s"
+    )

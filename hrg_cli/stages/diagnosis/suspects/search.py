@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.coordinates import COORDINATES, FREQUENCY_SPLIT
+from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array, Wave
 from ...suspicion import Suspicion
 from ..fits.variants import Variant, list_variants
@@ -25,14 +25,20 @@ from ..thresholds import (
     PHYSICS_RIVAL,
     UNLIKE_RIVAL,
 )
-from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
+from .cases import (
+    Fitted,
+    SuspectCase,
+    SuspectFound,
+    describe_gyro,
+    fit_or_none,
+    is_any_logged,
+)
 from .common_clock import find_common_lateness
 from .leaks import find_leaks
 from .logs import find_wrong_logs, has_usual_scale_factor
 from .mistakes import Maker, find_every_mistake, find_mistakes
 from .readings import (
     CLOCK,
-    DAMPING,
     KNOCK,
     Reading,
     find_knock_mistakes,
@@ -40,6 +46,7 @@ from .readings import (
     fit_held,
 )
 from .rivals import fit_catalogue, fit_warming
+from .two_gyros import find_two_gyros
 from .unlogged_rates import find_unlogged_rates
 
 UNLIKE = "unlike the others"
@@ -110,7 +117,11 @@ def suspect_runs(
         or (physics := fit_catalogue(base, candidates, PHYSICS_RIVAL)) < PHYSICS_RIVAL
     ):
         return find_wrong_logs(waves, base)
-    found = find_unlogged_rates(waves, fitted, base) or find_common_lateness(waves, fitted, base)
+    found = (
+        find_unlogged_rates(waves, fitted, base)
+        or find_common_lateness(waves, fitted, base)
+        or find_two_gyros(waves, fitted, base)
+    )
     if found is None or found.chi2_per_dof > PHYSICS_RIVAL:
         own = _find_mistakes_of_runs(waves, fitted, base, candidates)
         found = min(filter(None, (found, own)), key=lambda f: f.chi2_per_dof, default=None)
@@ -371,8 +382,8 @@ def find_cases(
     if apart is not None and (not out or has_usual_scale_factor(apart)):
         own = apart.chi2 / apart.dof < AS_GOOD_WITHOUT * max(1.0, others.chi2 / others.dof)
         figures = (
-            f"alone it shows {_figures(apart)}, the others {_figures(others)}: with all of that"
-            " its own"
+            f"alone it shows {describe_gyro(apart)}, the others {describe_gyro(others)}: with all"
+            " of that its own"
         )
         what = "another gyro" if own else UNLIKE
         todo = (
@@ -491,14 +502,6 @@ def _misfits(fit: ExtendedFit) -> Array:
 
 def _flat(pieces: Sequence[tuple[Wave, ...]]) -> list[Wave]:
     return [wave for run in pieces for wave in run]
-
-
-def _figures(fit: ExtendedFit) -> str:
-    damping, split = fit.coordinate(DAMPING), float(np.hypot(*fit.point.p[FREQUENCY_SPLIT]))
-    return (
-        f"{fit.frequency_hz.mean():.6g} Hz, damping {damping:.4g} 1/s, frequency split {split:.4g}"
-        " rad/s"
-    )
 
 
 def describe_case(

@@ -1,8 +1,11 @@
-"""Runs of a table that turned, of which no log holds a rate: a constant rate of every run's own."""
+"""Runs of a table that turned, of which no log holds a rate, or all the same: a constant rate of
+every run's own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from ....errors import name_some
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -14,6 +17,8 @@ from .cases import Fitted, SuspectFound, fit_or_none
 from .readings import SCALE_FACTOR, compute_shown_rate, estimate_own, is_turning
 from .transformations import hold_rate
 
+SAME_RATE = 1e-3
+"""Part of a rate by which the logs of one and the same may differ."""
 ROUNDS = 8
 """Rates of the runs and the rest of the model, in turn."""
 LEAST_FALL = 0.99
@@ -23,8 +28,8 @@ LEAST_FALL = 0.99
 def find_unlogged_rates(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit
 ) -> SuspectFound | None:
-    """Constant rates of the runs' own that take nearly all of the misfit of runs that log none;
-    None where a run logs one, or where they do not.
+    """Constant rates of the runs' own that take nearly all of the misfit of runs that log none, or
+    one and the same; None of others, or where they do not.
 
     Of K and of rates that nobody knows the runs show the products: K is that of the mode's shape.
 
@@ -54,7 +59,8 @@ def find_unlogged_rates(
     >>> found.suspicions[0].evidence[36:68]
     '0.0002291, 0.9999, -0.9995 rad/s'
     """
-    if len(waves) < 2 or any(is_turning(wave) for wave in waves):
+    turned = [wave for wave in waves if is_turning(wave)]
+    if len(waves) < 2 or (turned and (len(turned) < len(waves) or not _is_one_rate(waves))):
         return None
     usual = choose_scale_factor(base.series.mode_number)
     rates = [compute_shown_rate(wave, usual) for wave in waves]
@@ -77,11 +83,22 @@ def find_unlogged_rates(
     # K and the rates were fitted in turn: their products are what is known
     known = best.coordinate(SCALE_FACTOR) / usual
     each = name_some([f"{known * rate:.4g}" for rate in told])
+    what, log = "rate log missing", "no run logs a rate"
+    if turned:
+        what = "rate log stuck"
+        log = f"every run logs {np.median(np.asarray(waves[0].rate_rad_s)):.4g} rad/s"
     found = Suspicion(
         "all runs",
-        "rate log missing",
-        f"no run logs a rate; as if turned at {each} rad/s, with the usual scale factor"
+        what,
+        f"{log}; as if turned at {each} rad/s, with the usual scale factor"
         f" {usual:.4g}, χ² per degree of freedom falls from {before:.3g} to {after:.3g}",
         "import the runs with the rate of the table, or with --constant-rate-rad-s",
     )
     return SuspectFound((found,), len(waves), base, best, after)
+
+
+def _is_one_rate(waves: Sequence[Wave]) -> bool:
+    """Whether the logs of all runs hold one constant rate."""
+    logged = np.concatenate([np.asarray(wave.rate_rad_s, float) for wave in waves])
+    logged = logged[np.isfinite(logged)]
+    return bool(np.ptp(logged) <= SAME_RATE * np.abs(logged).max())
