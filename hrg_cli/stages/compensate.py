@@ -292,7 +292,8 @@ def _judge_rates(
         if calibration.status == "suspect"
         else []
     )
-    if run.wave.mode == "free" and json.loads(calibration.details or "{}").get("driven"):
+    free = run.wave.mode == "free" and json.loads(calibration.details or "{}").get("driven")
+    if free:
         reasons.append(
             f"{run.name} is free by its file and the tables are of driven runs: what the drive does"
             " to the drift is in them; import it with --mode forced, or take its rate by the"
@@ -300,7 +301,8 @@ def _judge_rates(
         )
     totals, slowest, fastest = sums.totals, sums.slowest_rad_s, sums.fastest_rad_s
     scale_factor = _mean_scale_factor(calibration)
-    if totals is not None and np.isfinite(totals.scale_factor_seen):
+    # a free wave turns by its splits as well, which are none of the tables' scale factor
+    if not free and totals is not None and np.isfinite(totals.scale_factor_seen):
         seen = totals.scale_factor_seen
         rms_rate = np.sqrt(totals.turned / max(totals.rows, 1)) / max(
             float(np.median(np.diff(record.time_s))) if len(record) > 1 else 1.0, 1e-12
