@@ -326,7 +326,8 @@ def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: 
 
 
 def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> list[str]:
-    """A sentence for each run that moves the answer or fits far worse than the rest."""
+    """A sentence for each run that moves the answer or fits far worse than the rest; where
+    half of them or more do, one of all, for then there is no rest to agree with."""
     moved, directions = inference.measure_run_shifts(fit, verdict.details["variance_factor"])
     shifts = np.array([find_significance(*one)[0] for one in zip(moved, directions, strict=True)])
     typical = np.median(verdict.run_chi2_per_dof)
@@ -335,12 +336,18 @@ def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> l
             f"the two runs disagree (by {shifts.max():.2g} σ); two cannot tell which is wrong:"
             " check both rate logs, or add a third run"
         ]
-    return [
+    told = [
         f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, shift"
         f" {shift:.2g} σ); leave it out and compare"
         for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof)
         if shift > DISAGREES or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT)
     ]
+    if len(runs) > 2 and 2 * len(told) >= len(runs):
+        return [
+            f"{len(told)} of the {len(runs)} runs each move the answer by up to {shifts.max():.2g}"
+            " σ: no single run is wrong but the model is not theirs; run diagnose"
+        ]
+    return told
 
 
 def refuse_contradictions(

@@ -5,6 +5,8 @@ import json
 
 import numpy as np
 import pytest
+from diagnosis_programme import programme as free_runs
+from diagnosis_programme import waves
 from synthetic_waves import GYRO, NAMES, PROGRAMME, errors, programme, run_down
 
 from hrg_cli import store
@@ -221,6 +223,15 @@ def test_a_run_begins_and_ends_without_error_where_the_envelope_moves():
     assert slow.status == "suspect" and any(
         "use periods_per_window" in s for s in slow.status_reasons
     )
+
+
+def test_runs_that_all_move_the_answer_are_blamed_together():
+    """A gain mismatch in four runs: each of two "disagrees with the rest; leave it out"."""
+    table = free_runs(2, {"gain_mismatch": {"gain": 3e-3}}, runs=4, duration_s=1.0)
+    record = identify(waves(table))
+    (told,) = (s for s in record.status_reasons if "move the answer" in s)
+    assert record.status == "suspect" and "no single run is wrong" in told
+    assert not any("leave it out" in s for s in record.status_reasons)
 
 
 def test_one_number_that_a_run_tells_is_no_easier_to_disagree_with_than_six():
