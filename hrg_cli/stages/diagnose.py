@@ -63,6 +63,7 @@ from .diagnosis.search.forecast import forecast
 from .diagnosis.search.gain import predict_held_out
 from .diagnosis.search.orientation import orient_runs, settle_signs
 from .diagnosis.search.search_case import Case
+from .diagnosis.search.starts import tell_course
 from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,
@@ -254,6 +255,8 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refuse(asked.waves, cut.untouched, asked.searched, list(plain), asked.resonator)
     # Tones near the oscillation first: in the envelopes they look like a split that beats.
     case, pieces, tones = _explain_beside_tones(asked, cut, near)
+    starts = [wave.start_time for wave in asked.waves]
+    case = replace(case, frequencies=tell_course(case.frequencies, starts))
     result = _judge(asked, cut, case, pieces, tones)
     case = result.case
     mistake = result.mistake

@@ -99,6 +99,9 @@ of its σ."""
 BESIDE_NOISE = 1e-2
 """Chance of a false alarm, corrected for the number tried, of what the runs' frequencies follow
 where what it leaves of their scatter is their own noise."""
+MOVES_WITH_STARTS = 1e-3
+"""Part of the scatter of the runs' frequencies that a line through the times at which they began
+may leave, for them to go with these."""
 EXCLUDED = 4.0
 """σ by which the runs must exclude the size that the offsets' scatter asks for."""
 FORBIDDEN_DAMPING = 2.0
