@@ -176,9 +176,9 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fourier.py": (
         "tests/test_fourier.py",
         (
-            ("columns[:, 2 * k - 1] = np.cos(n * angle) * loss", "columns[:, 2 * k - 1] = np.sin(n * angle) * loss"),
-            ("n = 2 * mode_number * k", "n = mode_number * k"),
-            ("np.sinc(n * np.asarray(travel_rad) / (2 * np.pi))", "np.sinc(n * np.asarray(travel_rad) / np.pi)"),
+            ("columns[:, 1::2] = np.cos(angle[:, None] * n) * loss", "columns[:, 1::2] = np.sin(angle[:, None] * n) * loss"),
+            ("n = 2 * mode_number * np.arange", "n = mode_number * np.arange"),
+            ("np.sinc(np.asarray(travel_rad)[..., None] * n / (2 * np.pi))", "np.sinc(np.asarray(travel_rad)[..., None] * n / np.pi)"),
             ("weights[rows, left] = 1 - part", "weights[rows, left] = part"),
         ),
     ),
@@ -270,6 +270,26 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("2 * self.white + q * (self.interval_s - self.width_s / 3)", "2 * self.white"),
             ("+ float(np.linalg.slogdet(A)[1])", ""),
+        ),
+    ),
+    "fitting/tables/shrinkage.py": (
+        "tests/fitting/tables/test_shrinkage.py",
+        (
+            ("    b = A @ flat\n", ""),
+        ),
+    ),
+    "stages/rehearsing/rehearsed_figures.py": (
+        "tests/stages/test_rehearse.py",
+        (
+            ("doubted=bool(unseen and settings.get(limit) is None)", "doubted=False"),
+        ),
+    ),
+    "stages/calibration/programme.py": (
+        "tests/stages/calibration/test_programme_nodes.py",
+        (
+            ("spans[away[-1]] <= SWEEPING * spans[kept].max()", "spans[away[-1]] < 0"),
+            ("parts = round((b - a) / spacing) if b - a > WIDE * spacing and turning else 1", "parts = 1"),
+            ("np.ptp(here) > TWO_RATES", "np.ptp(here) >= 0 * TWO_RATES"),
         ),
     ),
     "fitting/tables/normal_pieces.py": (

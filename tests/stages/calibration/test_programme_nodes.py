@@ -43,3 +43,6 @@ def test_runs_that_all_sweep_have_even_nodes():
     # one after another, each as wide as the next: none of them dwells
     stairs = [sweep(low, low + 10.0) for low in (-10.0, 0.0, 10.0, 20.0, 30.0)]
     assert nodes_of(*stairs) == pytest.approx(np.linspace(-10, 40, 4).tolist())
+    # nor do the narrower ones of three that follow each other
+    parts = [sweep(0.0, 10.0), sweep(10.0, 29.0), sweep(29.0, 39.0)]
+    assert nodes_of(*parts) == pytest.approx(np.linspace(0, 39, 4).tolist())
