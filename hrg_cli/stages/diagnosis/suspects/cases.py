@@ -147,7 +147,7 @@ def describe_gyro(fit: ExtendedFit) -> str:
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
     >>> from hrg_cli.stages.diagnosis.suspects.cases import describe_gyro
     >>> describe_gyro(fit_waves(draw_waves())).split(", ")[0]
-    '100 Hz'
+    '500 Hz'
     """
     damping, split = fit.coordinate(DAMPING), float(np.hypot(*fit.point.p[FREQUENCY_SPLIT]))
     return (
