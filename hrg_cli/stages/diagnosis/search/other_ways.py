@@ -4,6 +4,7 @@ something else."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -57,6 +58,8 @@ def choose_ways(
     for cause in found:
         for other in _list_other_ways(fit, cause, candidates):
             trial = _fit_way(fit, other)
+            if trial is None:
+                continue
             if _measure_apart(trial, noise) < _measure_apart(fit, noise) - WORTH:
                 fit, cause = trial, replace(cause, variant=hold_unseen(other, trial))
         out.append(cause)
@@ -69,21 +72,23 @@ def _list_other_ways(
     """The cause as it is fitted, in ways that differ in what no fit moves; what happens in one run
     or at one instant does so in one way."""
     values = fit.values(cause.name)
-    held = [p.name for p in cause.variant.effect.parameters if not p.fitted]
-    if RUN in held or INSTANT in values:
+    if RUN in values or INSTANT in values:
         return
     for other in candidates:
         if other.effect.name != cause.name or other.secants or other.anywhere:
             continue
+        # by the catalogue: what the fit holds besides, since its rows do not show it, is no way
+        held = [p.name for p in other.effect.parameters if not p.fitted]
         asked = {name: other.values[name] for name in held}
         if any(asked[name] != values[name] for name in held):
             yield replace(other, effect=fit.effect(cause.name), values={**values, **asked})
 
 
-def _fit_way(fit: ExtendedFit, way: Variant) -> ExtendedFit:
-    """The fit with a cause in another way, begun where what both do to the frequencies differs."""
+def _fit_way(fit: ExtendedFit, way: Variant) -> ExtendedFit | None:
+    """The fit with a cause in another way, begun where what both do to the frequencies differs;
+    None where there is none."""
     name = way.effect.name
-    fitted = [p.name for p in way.effect.fitted()]
+    fitted = [p.name for p in way.effect.fitted() if p.name in way.steps]
     before = {**way.values, **{n: v for n, v in fit.values(name).items() if n not in fitted}}
     steps = {n: way.steps[n] for n in fitted}
     ours, others = fit.find_sensitivities(
@@ -93,9 +98,10 @@ def _fit_way(fit: ExtendedFit, way: Variant) -> ExtendedFit:
     moved = fit.covariance @ fit.design.multiply_transposed(others - ours) @ size
     index = [fit.layout.frequency(k) for k in range(len(fit.series.names))]
     point = replace(fit.point, offset_rad_s=fit.point.offset_rad_s - moved[index])
-    return extended_fit.fit(
-        fit.series, fit_point.add_effect(point, way.effect, way.values), fit.freedom
-    )
+    point = fit_point.add_effect(point, way.effect, way.values)
+    with contextlib.suppress(extended_fit.DivergedError, np.linalg.LinAlgError):
+        return extended_fit.fit(fit.series, point, fit.freedom)
+    return None
 
 
 def _measure_apart(fit: ExtendedFit, noise: NoiseLevel) -> float:

@@ -46,7 +46,7 @@ from .readings import (
     fit_held,
 )
 from .rivals import fit_catalogue, fit_warming
-from .two_gyros import find_two_gyros
+from .two_gyros import find_second_gyro
 from .unlogged_rates import find_unlogged_rates
 
 UNLIKE = "unlike the others"
@@ -120,7 +120,7 @@ def suspect_runs(
     found = (
         find_unlogged_rates(waves, fitted, base)
         or find_common_lateness(waves, fitted, base)
-        or find_two_gyros(waves, fitted, base)
+        or find_second_gyro(waves, fitted, base)
     )
     if found is None or found.chi2_per_dof > PHYSICS_RIVAL:
         own = _find_mistakes_of_runs(waves, fitted, base, candidates)

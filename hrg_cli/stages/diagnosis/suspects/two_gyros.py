@@ -9,6 +9,7 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
+from ...one_gyro import find_two_gyros
 from ...suspicion import Suspicion
 from ..thresholds import AS_GOOD_WITHOUT, CLOCKS_APART, GYROS_APART
 from .cases import Fitted, SuspectFound, describe_gyro, fit_or_none
@@ -19,7 +20,9 @@ NUMBERS = 6
 """Coordinates of a resonator that a second gyro has of its own."""
 
 
-def find_two_gyros(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> SuspectFound | None:
+def find_second_gyro(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit
+) -> SuspectFound | None:
     """The runs of the second of two gyros, where each group of runs by itself is one gyro's.
 
     Runs at two temperatures or amplitudes fall apart in the same way: they are not blamed.
@@ -43,13 +46,15 @@ def find_two_gyros(waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit) -> 
     Runs of one gyro are no two groups:
 
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves, fit_waves
-    >>> from hrg_cli.stages.diagnosis.suspects.two_gyros import find_two_gyros
+    >>> from hrg_cli.stages.diagnosis.suspects.two_gyros import find_second_gyro
     >>> waves = draw_waves()
-    >>> find_two_gyros(waves, fit_waves, fit_waves(waves)) is None
+    >>> find_second_gyro(waves, fit_waves, fit_waves(waves)) is None
     True
     """
     groups = _part_by_frequency(np.asarray(base.frequency_hz, float))
     if groups is None or not _are_alike(waves, groups):
+        return None
+    if find_two_gyros(base.series.names, base.frequency_hz):  # so far apart that nothing is asked
         return None
     fits = [fit_or_none([waves[k] for k in group], fitted) for group in groups]
     if any(fit is None or fit.chi2 > AS_GOOD_WITHOUT * fit.dof for fit in fits):
