@@ -110,9 +110,13 @@ def compute_node_weights(x: Array, nodes: Array, interpolation: str = "linear") 
         return weights
     from scipy.interpolate import CubicSpline
 
-    spline = CubicSpline(nodes, np.eye(len(nodes)))
+    return _continue_straight(CubicSpline(nodes, np.eye(len(nodes))), x, nodes)
+
+
+def _continue_straight(curve: Callable[..., Array], x: Array, nodes: Array) -> Array:
+    """A curve's values at x (n,), beyond the outer nodes along its slopes there."""
     inside = np.clip(x, nodes[0], nodes[-1])
-    return np.asarray(spline(inside) + spline(inside, 1) * (x - inside)[:, None])
+    return np.asarray(curve(inside) + curve(inside, 1) * (x - inside)[:, None])
 
 
 def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
@@ -152,15 +156,10 @@ def compute_monotone_weights(x: Array, nodes: Array, values: Array) -> Array:
         return compute_node_weights(x, nodes)
     # where all values are one, any step gives the same weights
     step = 1e-6 * (float(np.ptp(values)) or max(1.0, float(np.abs(values).max())))
-    inside = np.clip(np.asarray(x, float), nodes[0], nodes[-1])
     moved = (
         values[:, None] + np.concatenate([np.eye(len(nodes)), -np.eye(len(nodes))], axis=1) * step
     )
-    curve = PchipInterpolator(nodes, moved, axis=0)
-    both = curve(inside)
-    slopes = (curve(np.array([nodes[0]]), 1), curve(np.array([nodes[-1]]), 1))
-    outside = np.asarray(x, float) - inside
-    both = both + np.where((outside < 0)[:, None], slopes[0], slopes[1]) * outside[:, None]
+    both = _continue_straight(PchipInterpolator(nodes, moved, axis=0), np.asarray(x, float), nodes)
     return np.asarray((both[:, : len(nodes)] - both[:, len(nodes) :]) / (2 * step))
 
 
@@ -231,14 +230,7 @@ def make_interpolant(
     curve = (PchipInterpolator if interpolation == "monotone" else CubicSpline)(
         nodes, coefficients, axis=0
     )
-    slope = curve.derivative()
-
-    def at(x: Array) -> Array:
-        x = np.asarray(x, float)
-        inside = np.clip(x, nodes[0], nodes[-1])
-        return np.asarray(curve(inside) + slope(inside) * (x - inside)[:, None])
-
-    return at
+    return lambda x: _continue_straight(curve, np.asarray(x, float), nodes)
 
 
 def evaluate(

@@ -166,17 +166,15 @@ def rehearse_outcome(
         rehearse, {"times": times} | ({} if run.seed is None else {"seed": run.seed}), usage=True
     )
     with console.show_progress("rehearse", run.quiet or run.json) as progress:
-        _, told = rehearse_file(
+        record, told = rehearse_file(
             output, inputs, values, run.jobs, progress, f"{read_command_line()} (its rehearsal)"
         )
-    record = store.read(output, type(outcome.record))
-    reasons = list(record.status_reasons)
     return pipeline.Outcome(
         record,
         {
             **outcome.json,
             "status": record.status,
-            "status_reasons": reasons,
+            "status_reasons": list(record.status_reasons),
             "rehearsal": told.to_json(),
         },
     )

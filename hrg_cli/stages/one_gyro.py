@@ -145,14 +145,43 @@ def find_two_gyros(names: Sequence[str], frequency_hz: Array) -> str | None:
     >>> find_two_gyros(["a", "c"], np.array([5000.0, 5000.2])) is None
     True
     """
+    low, high, gap = part_by_frequency(frequency_hz)
+    if gap < FREQUENCIES_APART:
+        return None
+    hz = np.asarray(frequency_hz, float)
+    sides = [
+        f"{name_some((names[i] for i in side), 30)} at {hz[side].mean():.6g} Hz"
+        for side in (low, high)
+    ]
+    return f"the runs are not of one gyro: {', '.join(sides)}"
+
+
+def part_by_frequency(frequency_hz: Array) -> tuple[Array, Array, float]:
+    """The runs on either side of the widest gap between their frequencies.
+
+    Parameters
+    ----------
+    frequency_hz
+        Mean frequency (r,) of each, Hz; NaN where it is not known.
+
+    Returns
+    -------
+    tuple
+        Numbers of the runs below and above it, the lowest frequency first, and the gap as a part of
+        the frequency: 0 of fewer than two runs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.one_gyro import part_by_frequency
+    >>> low, high, gap = part_by_frequency(np.array([5000.0, 7000.0, np.nan, 5000.2]))
+    >>> low.tolist(), high.tolist(), round(gap, 3)
+    ([0, 3], [1], 0.4)
+    """
     hz = np.asarray(frequency_hz, float)
     order = np.argsort(hz)[: np.count_nonzero(np.isfinite(hz))]
     gaps = np.diff(hz[order]) / hz[order][:-1]
-    if not len(gaps) or gaps.max() < FREQUENCIES_APART:
-        return None
+    if not len(gaps):
+        return order, order[:0], 0.0
     first = int(np.argmax(gaps)) + 1
-    sides = [
-        f"{name_some((names[i] for i in side), 30)} at {hz[side].mean():.6g} Hz"
-        for side in (order[:first], order[first:])
-    ]
-    return f"the runs are not of one gyro: {', '.join(sides)}"
+    return order[:first], order[first:], float(gaps.max())

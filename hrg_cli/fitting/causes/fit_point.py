@@ -174,7 +174,9 @@ def build_state(series: MeasuredRuns, point: Point) -> SlowState:
         phase_rad=series.phase_rad,
         omega_r_rad_s=2 * np.pi * series.reference_frequency_hz,
         run=series.run,
-        begun_s=np.zeros(1) if series.begun_s is None else series.begun_s[:, None],
+        begun_s=np.broadcast_to(
+            0.0 if series.begun_s is None else series.begun_s[:, None], series.time_s.shape
+        ),
     )
     for effect, values in point.active:
         state = effect.slow_environment(values, state)

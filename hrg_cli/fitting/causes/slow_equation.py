@@ -49,6 +49,7 @@ _SLICED = (
     "table_angle_rad",
     "forced",
     "phase_rad",
+    "begun_s",
 )
 
 
@@ -83,11 +84,9 @@ class RungeKuttaStage:
         for name in _SLICED:
             state.__dict__[name] = getattr(self.state, name)[:, k]
         state.drive = self.state.drive[:, k]
-        # a run's number and begin are the same at all its rows, of which a single one has no axis
-        run, begun_s = self.state.run, np.asarray(self.state.begun_s)
-        single = isinstance(k, int)
-        state.run = run[:, 0] if run is not None and single else run
-        state.begun_s = begun_s[:, 0] if single and begun_s.ndim > 1 else begun_s
+        # a run's number is the same at all its rows, of which a single one has no axis
+        run = self.state.run
+        state.run = run[:, 0] if run is not None and isinstance(k, int) else run
         one.state, one.active, one.driven = state, self.active, self.driven
         one.second, one.lead, one.fastest_1_s = self.second, self.lead, self.fastest_1_s
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]

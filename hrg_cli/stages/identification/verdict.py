@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import HrgError
+from ...errors import HrgError, name_some
 from ...fitting import checks
 from ...fitting.causes.evidence import find_significance
 from ...fitting.envelopes import inference
@@ -326,8 +326,9 @@ def _check_fit(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun], colour: 
 
 
 def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> list[str]:
-    """A sentence for each run that moves the answer or fits far worse than the rest; where
-    half of them or more do, one of all, for then there is no rest to agree with."""
+    """A sentence for each run that moves the answer or fits far worse than the rest; one of
+    all where half of them or more do: a wrong run takes the answer with it, and so does a wrong
+    model."""
     moved, directions = inference.measure_run_shifts(fit, verdict.details["variance_factor"])
     shifts = np.array([find_significance(*one)[0] for one in zip(moved, directions, strict=True)])
     typical = np.median(verdict.run_chi2_per_dof)
@@ -336,18 +337,22 @@ def _disagreements(verdict: Verdict, fit: Fit, runs: Sequence[EnvelopeRun]) -> l
             f"the two runs disagree (by {shifts.max():.2g} σ); two cannot tell which is wrong:"
             " check both rate logs, or add a third run"
         ]
-    told = [
-        f"{run.run_id or 'a run'} disagrees with the rest (χ²/dof {chi2:.3g}, shift"
-        f" {shift:.2g} σ); leave it out and compare"
+    odd = [
+        (run.run_id or "a run", shift, chi2)
         for run, shift, chi2 in zip(runs, shifts, verdict.run_chi2_per_dof)
         if shift > DISAGREES or (len(runs) > 2 and chi2 > 3 * typical and chi2 > POOR_FIT)
     ]
-    if len(runs) > 2 and 2 * len(told) >= len(runs):
+    if len(runs) > 2 and 2 * len(odd) >= len(runs):
         return [
-            f"{len(told)} of the {len(runs)} runs each move the answer by up to {shifts.max():.2g}"
-            " σ: no single run is wrong but the model is not theirs; run diagnose"
+            f"{name_some([name for name, *_ in odd])} each disagree with the rest (shifts up to"
+            f" {shifts.max():.2g} σ): which of them is wrong, or whether the model is, these runs"
+            " do not tell; run diagnose, or leave them out in turn and compare"
         ]
-    return told
+    return [
+        f"{name} disagrees with the rest (χ²/dof {chi2:.3g}, shift {shift:.2g} σ); leave it out and"
+        " compare"
+        for name, shift, chi2 in odd
+    ]
 
 
 def refuse_contradictions(

@@ -87,12 +87,10 @@ def _list_other_ways(
 def _fit_way(fit: ExtendedFit, way: Variant) -> ExtendedFit | None:
     """The fit with a cause in another way, begun where what both do to the frequencies differs;
     None where there is none."""
-    name = way.effect.name
     fitted = [p.name for p in way.effect.fitted() if p.name in way.steps]
-    before = {**way.values, **{n: v for n, v in fit.values(name).items() if n not in fitted}}
     steps = {n: way.steps[n] for n in fitted}
     ours, others = fit.find_sensitivities(
-        [(way.effect, before, steps), (way.effect, way.values, steps)]
+        [(way.effect, fit.values(way.effect.name), steps), (way.effect, way.values, steps)]
     )
     size = np.array([way.values[n] for n in fitted])
     moved = fit.covariance @ fit.design.multiply_transposed(others - ours) @ size

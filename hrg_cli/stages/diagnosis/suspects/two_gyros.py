@@ -9,9 +9,9 @@ import numpy as np
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Array, Wave
-from ...one_gyro import find_two_gyros
+from ...one_gyro import part_by_frequency
 from ...suspicion import Suspicion
-from ..thresholds import AS_GOOD_WITHOUT, CLOCKS_APART, GYROS_APART
+from ..thresholds import AS_GOOD_WITHOUT, CLOCKS_APART, FREQUENCIES_APART, GYROS_APART
 from .cases import Fitted, SuspectFound, describe_gyro, fit_or_none
 
 FEWEST = 2
@@ -51,10 +51,8 @@ def find_second_gyro(
     >>> find_second_gyro(waves, fit_waves, fit_waves(waves)) is None
     True
     """
-    groups = _part_by_frequency(np.asarray(base.frequency_hz, float))
+    groups = _part_in_groups(np.asarray(base.frequency_hz, float))
     if groups is None or not _are_alike(waves, groups):
-        return None
-    if find_two_gyros(base.series.names, base.frequency_hz):  # so far apart that nothing is asked
         return None
     fits = [fit_or_none([waves[k] for k in group], fitted) for group in groups]
     if any(fit is None or fit.chi2 > AS_GOOD_WITHOUT * fit.dof for fit in fits):
@@ -66,9 +64,9 @@ def find_second_gyro(
         for group, fit in zip(groups, (first, second), strict=True)
     )
     evidence = (
-        f"the runs are two gyros' ({shown}): as such χ² per degree of freedom falls from"
-        f" {base.chi2 / base.dof:.3g} to {chi2:.3g}; which of them is the right one these runs"
-        " cannot tell"
+        f"the runs are two gyros', or one's in two states that no log shows ({shown}): as such χ²"
+        f" per degree of freedom falls from {base.chi2 / base.dof:.3g} to {chi2:.3g}; which of them"
+        " is the right one these runs cannot tell"
     )
     told = tuple(
         Suspicion(
@@ -82,18 +80,16 @@ def find_second_gyro(
     return SuspectFound(told, NUMBERS, base, first, chi2)
 
 
-def _part_by_frequency(hz: Array) -> list[list[int]] | None:
-    """The larger group and the smaller one of runs, in their order; None where they are no two."""
-    order = np.argsort(hz)
-    steps = np.diff(hz[order])
-    if len(hz) < 2 * FEWEST:
+def _part_in_groups(hz: Array) -> list[list[int]] | None:
+    """The larger group and the smaller one of runs, in their order; None where they are no two, or
+    so far apart that nothing is asked of them."""
+    low, high, gap = part_by_frequency(hz)
+    within = max(float(np.ptp(hz[side])) if len(side) else 0.0 for side in (low, high))
+    if min(len(low), len(high)) < FEWEST or not CLOCKS_APART <= gap < FREQUENCIES_APART:
         return None
-    cut = int(np.argmax(steps)) + 1
-    groups = [sorted(order[:cut].tolist()), sorted(order[cut:].tolist())]
-    within = max(float(np.ptp(hz[group])) for group in groups)
-    gap = float(steps[cut - 1])
-    if min(map(len, groups)) < FEWEST or gap < max(GYROS_APART * within, CLOCKS_APART * hz.mean()):
+    if gap * hz[low].max() < GYROS_APART * within:
         return None
+    groups = [sorted(side.tolist()) for side in (low, high)]
     return sorted(groups, key=lambda group: (-len(group), group))
 
 

@@ -5,7 +5,7 @@ import pytest
 from diagnosis_programme import programme, waves
 
 from hrg_cli.stages.diagnose import diagnose, summarise
-from hrg_cli.stages.diagnosis.suspects.two_gyros import _are_alike, _part_by_frequency
+from hrg_cli.stages.diagnosis.suspects.two_gyros import _are_alike, _part_in_groups
 
 
 def of_two_gyros(seed, second, runs):
@@ -32,10 +32,10 @@ def test_runs_of_a_second_gyro_are_named(runs, second):
 
 
 def test_groups_are_two_runs_at_least_and_far_apart():
-    assert _part_by_frequency(np.array([5e3, 5001.0, 5e3 + 1e-4, 5001.0])) == [[0, 2], [1, 3]]
-    assert _part_by_frequency(np.array([5e3, 5001.0, 5e3, 5e3])) is None
-    assert _part_by_frequency(np.array([5e3, 5e3 + 0.01, 5e3, 5e3 + 0.01])) is None
-    assert _part_by_frequency(np.array([5e3, 5001.0, 5000.2, 5001.3])) is None
+    assert _part_in_groups(np.array([5e3, 5001.0, 5e3 + 1e-4, 5001.0])) == [[0, 2], [1, 3]]
+    assert _part_in_groups(np.array([5e3, 5001.0, 5e3, 5e3])) is None
+    assert _part_in_groups(np.array([5e3, 5e3 + 0.01, 5e3, 5e3 + 0.01])) is None
+    assert _part_in_groups(np.array([5e3, 5001.0, 5000.2, 5001.3])) is None
 
 
 def test_runs_at_two_temperatures_or_amplitudes_are_no_two_gyros():
