@@ -99,6 +99,9 @@ class MeasuredRuns:
     answers_1_s: tuple[float, float] | None = None
     """Standard deviations that `unsettled` gives the amplitude and the quadrature loop's answers to
     the oscillation's ripple; None: not judged."""
+    phase_lead_rad: Array | None = None
+    """By how much a row's phase, the mean of its windows', runs ahead of that in its middle; None:
+    the rows are windows."""
     averaged_along: Array | None = None
     """Coordinates (7,) of the motion along which windows were averaged to rows; None: they were
     not."""
@@ -186,6 +189,14 @@ class MeasuredRuns:
         return channel_noise.whiten(channel_noise.invert(self.whitening), over_noise / weight)
 
     @property
+    def row_turn(self) -> Array:
+        """What turns the envelopes (R, n, 2) in the middle of rows to those of rows, which are
+        means of their windows: e^{jψ} by the phase's lead ψ, (R, n, 1)."""
+        if self.phase_lead_rad is None:
+            return np.ones((*self.time_s.shape, 1))
+        return np.exp(1j * self.phase_lead_rad)[..., None]
+
+    @property
     def table_turn_rad(self) -> Array:
         """By how much the logged rates alone turn mθ back from the runs' starts on, K∫Ω dt with the
         usual K (R, n)."""
@@ -243,6 +254,7 @@ _ARRAYS = (
     "held_amplitude",
     "held_slope",
     "frame_turn",
+    "phase_lead_rad",
 )
 
 _INTEGRALS = {

@@ -35,7 +35,9 @@ class EnvelopeRun:
     """Envelopes (n, 2) of one run at times (n,), standard deviation (n,) of one real component,
     turned table angle ∫Ω dt (n,); `phase_known` False: their phases are none that was measured;
     `whitening` of the channels' noise (2, 2), None where both have the same, and their `shares` of
-    it, C's and S's variance over the mean of both (`channel_noise`)."""
+    it, C's and S's variance over the mean of both (`channel_noise`); `lead_rad` (n,): by how much
+    the phase of a row, which is the mean of its windows' phases, runs ahead of that in its middle,
+    None where rows are windows."""
 
     run_id: str
     time_s: Array
@@ -49,6 +51,7 @@ class EnvelopeRun:
     phase_known: bool = True
     whitening: Array | None = None
     shares: tuple[float, float] = (1.0, 1.0)
+    lead_rad: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -64,7 +67,8 @@ class EnvelopeRun:
             name: getattr(self, name)[mask] for name in ("time_s", "envelope", "std", "turn_rad")
         }
         warm = None if self.temperature_degc is None else self.temperature_degc[mask]
-        return dataclasses.replace(self, **cut, temperature_degc=warm)
+        lead = None if self.lead_rad is None else self.lead_rad[mask]
+        return dataclasses.replace(self, **cut, temperature_degc=warm, lead_rad=lead)
 
 
 def retune(run: EnvelopeRun, offset_rad_s: float) -> EnvelopeRun:

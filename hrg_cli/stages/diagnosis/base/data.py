@@ -148,7 +148,11 @@ def _average_rows(
     # the row is a mean along that course as well, as every effect's turn is
     # (`integrate_temperature`)
     turn = _average_over_rows(lambda t: course(t - run.time_s[0]), thin.time_s, run.window_s)
-    return replace(thin, envelope=thin.envelope * np.exp(1j * turn)[:, None])
+    return replace(
+        thin,
+        envelope=thin.envelope * np.exp(1j * turn)[:, None],
+        lead_rad=turn - course(thin.time_s - run.time_s[0]),
+    )
 
 
 def _average_over_rows(course: Callable[[Array], Array], t: Array, window_s: float) -> Array:
@@ -284,6 +288,7 @@ def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
         std=np.insert(run.std, place, np.inf),
         turn_rad=filled(run.turn_rad),
         temperature_degc=None if run.temperature_degc is None else filled(run.temperature_degc),
+        lead_rad=None if run.lead_rad is None else filled(run.lead_rad),
     )
 
 
@@ -432,6 +437,7 @@ def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, 
         "rate_rad_s": _rate_of(wave, t),
         **_temperature_of(run, wave),
         "table_angle_rad": run.turn_rad,
+        "phase_lead_rad": np.zeros(len(t)) if run.lead_rad is None else run.lead_rad,
         "phase_rad": np.interp(t, *_finite(wave.time_s, wave.phase_rad)) + shift,
         "main_drive": interpolate_command(wave, "drive_main", t, forced),
         "quadrature_drive": interpolate_command(wave, "drive_quadrature", t, forced),

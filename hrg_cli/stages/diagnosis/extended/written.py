@@ -260,7 +260,8 @@ def hold_written(
             continue
         measured = series.envelope[k][inside]
         compared[k] = inside
-        missed[k, inside] = measured - course.interpolate(series.time_s[k][inside])
+        simulated = course.interpolate(series.time_s[k][inside]) * series.row_turn[k][inside]
+        missed[k, inside] = measured - simulated
         fitted[k, inside] = measured - fit.prediction.by_log[k][inside]
     missed, fitted = (to_reals(series.whiten(one)) for one in (missed, fitted))
     # what nobody knows of the runs (the way through a step of the rate) counts neither for the fit

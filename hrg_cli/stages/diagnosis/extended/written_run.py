@@ -103,12 +103,10 @@ def run_table(
     series, k = fit.series, own[0]
     wave = shift_commands(wave, series.drive_late_s)
     clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
+    start = _start(fit, k, wave, way.straight, -lost_s) / series.row_turn[k, 0] * clock
     a_A, a_B, angle, phase = (
         float(v)
-        for v in ellipse.find_wave(
-            _start(fit, k, wave, way.straight, -lost_s) * clock + to_complex(change[:FREQUENCY]),
-            series.mode_number,
-        )
+        for v in ellipse.find_wave(start + to_complex(change[:FREQUENCY]), series.mode_number)
     )
     length = float(wave.time_s[-1] + wave.window_s / 2)
     run: dict[str, Any] = {

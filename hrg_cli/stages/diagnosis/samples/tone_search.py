@@ -68,11 +68,10 @@ def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]
     >>> left.shape, bool(np.sqrt(np.mean(np.abs(left) ** 2)) < 3 * np.median(std))
     ((50, 2), True)
     """
-    from scipy.interpolate import CubicSpline
-
     out = []
     reference = fit.series.reference_frequency_hz
-    model = fit.prediction.by_log + compute_unsettled_part(fit)
+    # a window is not the mean of its row
+    model = (fit.prediction.by_log + compute_unsettled_part(fit)) / fit.series.row_turn
     for k, wave in enumerate(waves):
         rows = fit.series.weight[k] > 0
         at = fit.series.time_s[k][rows]
@@ -82,15 +81,26 @@ def collect_residuals(fit: ExtendedFit, waves: Sequence[Wave]) -> list[Residual]
         measured = (
             measured * np.exp(2j * np.pi * (wave.reference_frequency_hz - reference) * t)[:, None]
         )
-        slow = np.exp(-1j * fit.point.offset_rad_s[k] * at)[:, None]
-        seen = (
-            CubicSpline(at, model[k][rows] * slow)(t)
-            * np.exp(1j * fit.point.offset_rad_s[k] * t)[:, None]
-        )
+        # against the run's own frequency, which may turn by more than half a turn from row to row
+        own_turn = fit.point.offset_rad_s[k]
+        slow = model[k][rows] * np.exp(-1j * own_turn * at)[:, None]
+        seen = _interpolate_wave(at, slow, t) * np.exp(1j * own_turn * t)[:, None]
         own = None if fit.series.whitening is None else fit.series.whitening[[k]]
         left = channel_noise.whiten(own, (measured - seen)[None])[0]
         out.append((t, left, np.asarray(wave.signal_std, float)[good]))
     return out
+
+
+def _interpolate_wave(rows_s: Array, envelope: Array, t: Array) -> Array:
+    """Envelopes (n, 2) at rows, at the times t: the turn that both share and what it leaves by
+    cubic splines. A frequency that moves turns an envelope by too much from row to row for one of
+    its own."""
+    from scipy.interpolate import CubicSpline
+
+    shared = np.angle(np.sum(envelope[1:] * np.conj(envelope[:-1]), axis=1))
+    turn = np.append(0.0, np.cumsum(shared))
+    slow = CubicSpline(rows_s, envelope * np.exp(-1j * turn)[:, None])(t)
+    return np.asarray(slow * np.exp(1j * CubicSpline(rows_s, turn)(t))[:, None])
 
 
 def _find_consecutive(time_s: Array, rows_s: Array) -> Array:
