@@ -7,8 +7,9 @@ later, at one temperature x, gives the same five anew. What moved is
     δ = c(new) − c(then),
     c(then): the resonator of the calibration's time, else the tables' own coefficients at x
 with the covariance of both. What moved (damping split, K, frequency split, each by its own χ²) is
-put into every node, for nothing is known of how a change depends on temperature; what did not is
-combined with what the tables know, by minimum variance, or stays where a reference says so.
+put into every node, for nothing is known of how a change depends on temperature, and σ holds what
+it would be elsewhere did it grow with the coefficients; what did not is combined with what the
+tables know, by minimum variance, or stays where a reference says so.
 Everything else of the tables (drive, higher harmonics, K over angle) stays, but for what its
 covariance with these says.
 """
@@ -24,6 +25,7 @@ from ..errors import HrgError
 from ..fitting.checks import CHANCE, check_at_most, list_failures
 from ..fitting.least_squares import invert_information
 from ..records import Calibration, Resonator
+from ..units import DEGREE_PER_HOUR
 from .calibration.moved_tables import GROUPS, TableState
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC, SINGLE_NODE_MARGIN_HZ
 from .calibration.resonators import NAMES, compute_coefficients, read_place
@@ -32,6 +34,9 @@ Array = np.ndarray
 STOOD_STILL = 0.01
 """Chance with which a coefficient that stood still is taken for one that moved: what it costs is
 the tables' knowledge of it, what a movement taken for none costs is a part of that movement."""
+CLEARLY = 10.0
+"""χ² of the reference against the tables, over that of the new resonator, from which the two may
+have been exchanged."""
 LEAST_TOLD = 1.0
 """Part of a coefficient's own size that the new resonator's standard deviation may have: beyond it,
 it cannot tell a complete loss."""
@@ -112,13 +117,15 @@ def update(
     chi2 = _chi2(change, spread, known)
     chance = _chance(change, spread, known)
     doubt = _cannot_tell(new_covariance, then, known)
+    exchanged = _suspect_exchange(state, (new, new_covariance), reference, (then, then_covariance))
     held = known & state.held
-    state = (
+    shifted = (
         state.combine(new, new_covariance, held, moved)
         if reference is None
         else state.shift(change, spread, moved & held)
     )
-    record = state.write_into(calibration)
+    way = state.doubt_the_way(change, moved & held)
+    record = shifted.add_doubt(way).write_into(calibration)
     details = json.loads(record.details)
     details["update"] = {
         "moved": _rows(
@@ -133,9 +140,9 @@ def update(
     of_tables = chance < CHANCE and reference is None and "resonator" not in told_by
     return (
         record.replace(details=json.dumps(details))
-        .judged(_say_kept(new), "valid")
+        .judged([*_say_kept(new), *_say_way(record, x, way)], "valid")
         .judged(doubt, "refused")
-        .judged(_remarks_on(resonator, of_tables), "suspect")
+        .judged([*exchanged, *_remarks_on(resonator, of_tables)], "suspect")
     )
 
 
@@ -143,6 +150,52 @@ def _say_kept(new: Array) -> list[str]:
     """What of the tables stays, since the resonator's coefficients (5,) do not hold it."""
     kept = [name for name, group in GROUPS.items() if not np.isfinite(new[group]).all()]
     return [f"the resonator tells no {' and no '.join(kept)}: the tables' stays"] if kept else []
+
+
+def _say_way(record: Calibration, x: float, way: Array) -> list[str]:
+    """Where a movement found at one place is known least, and to what."""
+    if not way.any():
+        return []
+    places, width = np.asarray(record.node, float), np.shape(record.drift_harmonics)[1]
+    tables = way[: len(record.covariance)].reshape(len(places), -1, way.shape[1])
+    drift, scale = (
+        np.sqrt(np.sum(part**2, axis=(1, 2))) for part in (tables[:, :width], tables[:, width:])
+    )
+    far = int(np.argmax(drift / max(drift.max(), 1e-300) + scale / max(scale.max(), 1e-300)))
+    unit = "°C" if record.axis == "temperature" else "Hz"
+    moved = f"D {drift[far] / DEGREE_PER_HOUR:.2g} °/h and K {scale[far]:.2g} other"
+    return [
+        f"what moved is known at {x:.4g} {unit} alone and was put into every node: had it grown"
+        f" with the coefficients, {moved} at {places[far]:.4g} {unit}, which σ holds; identify the"
+        " resonator there too"
+    ]
+
+
+def _suspect_exchange(
+    state: TableState,
+    now: tuple[Array, Array],
+    reference: Resonator | None,
+    then: tuple[Array, Array],
+) -> list[str]:
+    """Whether the tables are those of the new resonator, and not of the reference of their time."""
+    if reference is None:
+        return []
+    level, spread = state.find_level()
+    far = []
+    for coefficients, covariance in (now, then):
+        known = np.isfinite(level) & np.isfinite(coefficients)
+        if not known.any():
+            return []
+        apart = (coefficients - level, covariance + spread)
+        far.append((_chi2(*apart, known), _chance(*apart, known), int(known.sum())))
+    (new, _, count), (old, chance, _) = far
+    if chance >= CHANCE or old < CLEARLY * max(new, count):
+        return []
+    return [
+        f"the tables hold what the new resonator shows (χ² {new:.2g} of {count} coefficients) and"
+        f" not what the reference does ({old:.2g}): the two may be exchanged; --reference is the"
+        " resonator of the time when the tables were made"
+    ]
 
 
 def _remarks_on(resonator: Resonator, moved_from_tables: bool) -> list[str]:

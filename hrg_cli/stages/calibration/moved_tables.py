@@ -114,6 +114,32 @@ class TableState:
             self.covariance + shift @ covariance[np.ix_(moved, moved)] @ shift.T,
         )
 
+    def doubt_the_way(self, change: Array, moved: Array) -> Array:
+        """By what a change (5,) of what moved (5,), found at the place, would be another one at the
+        nodes did it grow with the coefficients c_j, δ (c_j − c)/c, of pairs as complex numbers:
+        directions (n, k) of unit variance."""
+        doubts = [np.zeros(len(self.value))]
+        for group in (group for group in GROUPS.values() if moved[group].all()):
+            of_nodes = [np.flatnonzero(column) for column in self.everywhere[:, group].T]
+            at_nodes = _as_complex(self.value[np.array(of_nodes)])
+            level, delta = (
+                _as_complex(self.at_place[group] @ self.value),
+                _as_complex(change[group]),
+            )
+            # one that all but vanishes now or then has no size for another to grow with
+            size = max(level, level + delta, key=abs)
+            apart = delta * (at_nodes - level) / size if size else 0 * at_nodes
+            for turn in (1, 1j)[: len(of_nodes)]:
+                doubt = np.zeros(len(self.value))
+                for part, places in zip((np.real, np.imag), of_nodes, strict=False):
+                    doubt[places] = part(turn * apart)
+                doubts.append(doubt)
+        return np.array(doubts).T
+
+    def add_doubt(self, directions: Array) -> TableState:
+        """The state with more spread along directions (n, k)."""
+        return self._with(self.value, self.covariance + directions @ directions.T)
+
     def _with(self, value: Array, covariance: Array) -> TableState:
         return TableState(
             value, (covariance + covariance.T) / 2, self.at_place, self.everywhere, self.held
@@ -151,3 +177,8 @@ class TableState:
             covariance=covariance,
             details=json.dumps(details),
         )
+
+
+def _as_complex(values: Array) -> Array:
+    """A pair (2, …) as x + jy, a number alone (1, …) as it is."""
+    return values[0] + 1j * values[1] if len(values) == 2 else values[0] + 0j
