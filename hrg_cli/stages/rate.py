@@ -22,12 +22,15 @@ from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, name_record
 from ..units import DEGREE_PER_HOUR
+from .calibration.programme import SINGLE_NODE_MARGIN_DEGC
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .rate_by_tables import TableRate, rate_by_tables
 from .rate_logged import measure_bends_of_log
 from .rate_nodes import DOUBTFUL, DOUBTFUL_PIECE, Bends, follow
 
 Array = np.ndarray
+TEMPERATURES_ALIKE = 0.05
+"""Range of a run's temperatures [°C] below which one is told of it."""
 APART = 5.0
 """Standard deviations of both by which the rates of model and tables may differ."""
 
@@ -143,11 +146,14 @@ def rate(
         found, rate_rad_s=found.rate_rad_s - earth, plain_rate_rad_s=found.plain_rate_rad_s - earth
     )
     impossible, doubtful = _make_closing_checks(found, bends)
+    elsewhere = _check_temperature(wave, resonator)
+    doubtful = [*elsewhere, *doubtful]
     beside = None
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
         beside = rate_by_tables(wave, calibration, found.time_s, found.rate_rad_s, *where)
-        doubtful += _check_tables(found, beside, wave, resonator)
+        warm = bool(checks.list_failures(elsewhere))
+        doubtful += _check_tables(found, beside, wave, resonator, warm)
     notes = _tell_granted_delay(wave, resonator) if loop_delay_s is None else []
     notes += [] if quadrature_phase_error_rad else _tell_granted_phase(wave, resonator)
     notes += [*_tell_unseen_nodes(wave, found), *_tell_moving_frequency(found)]
@@ -219,24 +225,47 @@ def _tell_apart_from_log(found: RateEstimate, after: Array | None) -> list[str]:
     ]
 
 
+def _check_temperature(wave: Wave, resonator: Resonator) -> list[Check]:
+    """Whether the run is as warm as the resonator was, as near as tables of one node hold it: its
+    K and splits are those of its own temperature."""
+    own, span = resonator.temperature_degc, resonator.temperature_span_degc or 0.0
+    logged = np.asarray([] if wave.temperature_degc is None else wave.temperature_degc, float)
+    logged = logged[np.isfinite(logged)]
+    if own is None or not np.isfinite(own) or not len(logged):
+        return []
+    low, high = float(logged.min()), float(logged.max())
+    told = f"{low:.4g}" if high - low < TEMPERATURES_ALIKE else f"{low:.4g} to {high:.4g}"
+    return [
+        checks.check_at_most(
+            "resonator_of_this_temperature",
+            max(own - span / 2 - low, high - own - span / 2, 0.0),
+            SINGLE_NODE_MARGIN_DEGC,
+            f"the run is at {told} °C, the resonator was identified at {own:.4g} °C: how its scale"
+            " factor and splits go with temperature is not known, and is not in the errors;"
+            " identify the resonator at the run's temperature",
+        )
+    ]
+
+
 def _check_tables(
-    found: RateEstimate, beside: TableRate, wave: Wave, resonator: Resonator
+    found: RateEstimate, beside: TableRate, wave: Wave, resonator: Resonator, elsewhere: bool
 ) -> list[Check]:
-    """Whether the tables' mean rate is the model's within the errors of both; which delay of the
-    loops would part them."""
+    """Whether the tables' mean rate is the model's within the errors of both; what would part them:
+    a resonator of a temperature `elsewhere`, or which delay of the loops."""
     apart = beside.mean_difference_rad_s
     own = np.hypot(np.sqrt(found.covariance.sum()) / len(found.time_s), beside.own_std_rad_s)
     if apart is None or not own > 0:
         return []
     damping = _damping_of(resonator)
     share = apart / float(found.rate_rad_s.mean())
-    late = wave.mode == "forced" and damping > 0 and share > 0
-    why = (
-        f"loops that act {1e3 * share / damping:.3g} ms late would do so (--loop-delay-s), or the"
-        " gyro is another than it was"
-        if late
-        else "the gyro is another than it was, or the tables hold what the loops of their runs add"
-    )
+    if elsewhere:
+        why = "the resonator's other temperature would do so"
+    elif wave.mode == "forced" and damping > 0 and share > 0:
+        late_ms = 1e3 * share / damping
+        why = f"loops that act {late_ms:.3g} ms late would do so (--loop-delay-s), or the gyro is"
+        why += " another than it was"
+    else:
+        why = "the gyro is another than it was, or the tables hold what the loops of their runs add"
     sentence = (
         f"the tables' mean rate is {apart:.3g} ± {own:.1g} rad/s off the reference model's: {why}"
     )

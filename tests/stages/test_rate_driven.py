@@ -30,13 +30,34 @@ def resonator(relative=0.0, seed=0, **change):
 
 
 def wave_of(control, seed=1, seconds=20.0, noise=3e-4, **more):
+    loops = {} if control.get("mode") == "free" else dict(mode="forced", amplitude_gain_1_s=5.0)
     config = dict(
-        device=DEVICE, readout=dict(noise=noise), control=dict(mode="forced", amplitude_gain_1_s=5.0) | control,
+        device=DEVICE, readout=dict(noise=noise), control=loops | control,
         environment=dict(rate_rad_s=0.2, rate=dict(kind="sine", amplitude_rad_s=0.1, frequency_hz=0.08)),
         recording=dict(sample_rate_hz=8000.0, duration_s=seconds),
     ) | more  # fmt: skip
     periods = collect(demodulate(collect(simulate(config, seed=seed)), periods_per_window=10))
     return collect(estimate(periods))
+
+
+@pytest.mark.parametrize("mode", ["free", "forced"])
+def test_a_resonator_of_another_temperature_is_doubted(mode):
+    """K has grown by 1e-3 on the way from 25 to 40 °C: 107 σ of the rate, "valid"; of a free run,
+    "another resonator, or a rate that changes faster than 20 nodes follow"."""
+    warm = DEVICE | dict(scale_factor=DEVICE["scale_factor"] * (1 + 1e-3))
+    there = dict(rate_rad_s=0.2, temperature_degc=40.0)
+    wave = wave_of(dict(mode=mode), seconds=10.0, device=warm, environment=there)
+    now, then = (resonator().replace(temperature_degc=T) for T in (40.0, 25.0))
+    found = rate(wave, then)
+    assert found.status != "valid"
+    assert (
+        "at 40 °C, the resonator was identified at 25 °C"
+        in found.status_reasons[0] + (found.status_reasons[-1])
+    )
+    same = rate(wave.replace(temperature_degc=wave.temperature_degc - 13.0), then)
+    assert not any("was identified at" in one for one in same.status_reasons)
+    unknown = rate(wave, now.replace(temperature_degc=None))
+    assert not any("was identified at" in one for one in unknown.status_reasons)
 
 
 def truth(time):
