@@ -32,7 +32,7 @@ from .diagnosis.base.data import count_codes, is_coarse
 from .diagnosis.base.joint_fit import Cut, cut_at_losses, fit_base, fit_together
 from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized, give_up_unsized
-from .diagnosis.closing.stability import examine_stability
+from .diagnosis.closing.stability import ChosenAgain, choose_again, list_stability
 from .diagnosis.closing.wander import describe_wander
 from .diagnosis.extended.model import compose_simulation_file
 from .diagnosis.extended.written import Written, write_faithfully
@@ -277,8 +277,9 @@ def _diagnosed(asked: Asked) -> Diagnosis:
 class ClosedCase:
     """The final result and what judged it: the case, as the search left it and without the causes
     that it gives up, the tones taken out before it, the fit whose numbers are told, what the
-    samples show, the model as written and as simulated, the closing checks and those that failed in
-    words, and a mistake of one run that may have made it all."""
+    samples show, the model as written and as simulated, the causes chosen again from fewer rows,
+    the closing checks and those that failed in words, and a mistake of one run that may have made
+    it all."""
 
     searched: Case
     case: Case
@@ -287,6 +288,7 @@ class ClosedCase:
     samples: InSamples
     model: str
     written: Written | None
+    again: ChosenAgain | None
     closing: Sequence[Check]
     failed: list[str]
     mistake: QuietMistake | None
@@ -300,8 +302,9 @@ def _judge(
     case, sized = give_up_unsized(searched)
     samples = _seen_in_samples(asked.waves, case, cut, tones)
     model, written = _written(asked, case, cut, pieces, samples)
+    again = choose_again(case, lambda: cut.fit(pieces, coarser=2))
     closing = make_closing_checks(
-        case, sized, written, samples.shown, samples.unnamed_hz, samples.odd
+        case, sized, written, samples.shown, samples.unnamed_hz, samples.odd, again
     )
     failed = checks.list_failures(closing)
     if failed:
@@ -311,7 +314,7 @@ def _judge(
         asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
     )
     return ClosedCase(
-        searched, case, tones, sized, samples, model, written, closing, failed, mistake
+        searched, case, tones, sized, samples, model, written, again, closing, failed, mistake
     )
 
 
@@ -336,7 +339,7 @@ def _report_result(
         "checks": [check.to_json() for check in result.closing],
         "written_model": None if written is None else written.to_json(),
         "suspect_runs": [],
-        "stability": examine_stability(case, ahead, lambda: cut.fit(pieces, coarser=2)),
+        "stability": list_stability(result.again, ahead) if case.search.found else [],
         "scores": tabulate_scores(case, result.sized),
         "not_separable": [*report["not_separable"], *mistakes],
         "remainder": describe_left_over(report["remainder"], case.form, result.failed),

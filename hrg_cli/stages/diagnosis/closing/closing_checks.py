@@ -41,6 +41,7 @@ from ..thresholds import (
     WRITTEN,
 )
 from .sized import Sized
+from .stability import ChosenAgain, check_chosen_again
 
 Array = np.ndarray
 ROUNDING = 1e-9
@@ -80,6 +81,7 @@ def make_closing_checks(
     waveform: Sequence[dict[str, object]],
     lines_hz: Sequence[float] = (),
     odd: str = "",
+    again: ChosenAgain | None = None,
 ) -> list[Check]:
     """All checks of a diagnosis, in the order in which a reader would ask.
 
@@ -97,6 +99,8 @@ def make_closing_checks(
         What was taken out of the waves and is no named cause's [Hz].
     odd
         A sentence on windows that hold more than noise, empty where there are none.
+    again
+        The causes chosen again from fewer rows; None: they were not.
 
     Returns
     -------
@@ -146,6 +150,7 @@ def make_closing_checks(
             final.converged and is_nearly_settled(search.base, search.base.chi2 - final.chi2),
             "a fit stopped before it had settled",
         ),
+        *([] if again is None else [check_chosen_again(again)]),
         *_written(written),
     ]
 

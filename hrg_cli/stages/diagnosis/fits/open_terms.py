@@ -251,14 +251,23 @@ def _of_temperatures(series: MeasuredRuns) -> Iterator[Covariate]:
         "((T − T₀)/ΔT)²",
         lambda u, s: _spread_over_runs(u, ((s.temperature_degc - mean) / scale) ** 2),
     )
-    steep = series.temperature_rate_degc_s[series.weight > 0]
-    top = float(np.abs(steep).max())
-    if np.ptp(steep) > 1e-6 * top and top * _span(series) > LEAST_KELVIN:
+    top = _fastest_warming(series)
+    if top is not None:
         yield Covariate(
             "temperature rate",
             "Ṫ/Ṫ₀",
             lambda u, s: _spread_over_runs(u, s.temperature_rate_degc_s / top),
         )
+
+
+def _fastest_warming(series: MeasuredRuns) -> float | None:
+    """The largest rate of the temperature; None where it does not change from row to row or run to
+    run."""
+    steep = series.temperature_rate_degc_s[series.weight > 0]
+    top = float(np.abs(steep).max())
+    if np.ptp(steep) > 1e-6 * top and top * _span(series) > LEAST_KELVIN:
+        return top
+    return None
 
 
 def _of_rates(series: MeasuredRuns, a0: float) -> Iterator[Covariate]:
@@ -284,6 +293,17 @@ def _of_rates(series: MeasuredRuns, a0: float) -> Iterator[Covariate]:
         mean, scale = warmth
         yield _scale_factor(
             "temperature", "(T − T₀)/ΔT", lambda u, s: (s.temperature_degc - mean) / scale, fastest
+        )
+        yield _scale_factor(
+            "temperature",
+            "((T − T₀)/ΔT)²",
+            lambda u, s: ((s.temperature_degc - mean) / scale) ** 2,
+            fastest,
+        )
+    top = _fastest_warming(series)
+    if top is not None:
+        yield _scale_factor(
+            "temperature rate", "Ṫ/Ṫ₀", lambda u, s: s.temperature_rate_degc_s / top, fastest
         )
     if np.ptp(series.table_angle_rad[good]) > 1:
         for n in (1, 2):
