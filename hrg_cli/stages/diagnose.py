@@ -265,7 +265,7 @@ def _diagnosed(asked: Asked) -> Diagnosis:
         return refuse(asked.waves, cut.untouched, asked.searched, suspected, asked.resonator)
     causes = bool(case.search.found or result.samples.shown)
     verdict = choose_word(causes, bool(result.failed))
-    report = _report_result(verdict, asked, cut, pieces, result)
+    report = _report_result(verdict, asked, cut, result)
     report, shares = report_shares(report, case.search.base, case.search.final)
     record = make_diagnosis_record(case.search, asked.waves, verdict, report, result.model)
     return add_shares(record, shares).judged(
@@ -318,9 +318,7 @@ def _judge(
     )
 
 
-def _report_result(
-    verdict: str, asked: Asked, cut: Cut, pieces: Sequence[Wave], result: ClosedCase
-) -> dict[str, Any]:
+def _report_result(verdict: str, asked: Asked, cut: Cut, result: ClosedCase) -> dict[str, Any]:
     """The report of a result: what the causes are, gain and leave, and every check of it."""
     case, samples, written = result.case, result.samples, result.written
     # what is chosen inside each fold is not what is named at the end: where all of it is given up,

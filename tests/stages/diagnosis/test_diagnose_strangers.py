@@ -214,6 +214,12 @@ def scale_by_temperature(p, plant, env):
     plant.scale_factor = plant.scale_factor * (1 + p["size"] * (env.temperature_degc - 22))
 
 
+def scale_by_warming(p, plant, env):
+    """K follows the temperature's rate."""
+    rate = np.gradient(env.temperature_degc, env.time_s)
+    plant.scale_factor = plant.scale_factor * (1 + p["size"] * rate)
+
+
 def ageing_scale(p, plant, env):
     """K falls in time."""
     plant.scale_factor = plant.scale_factor * (1 - p["size"] * env.time_s)
@@ -346,6 +352,14 @@ STRANGERS = {
     ),
     "scale factor that ages": Stranger(
         {"plant": ageing_scale}, 2e-3, "turning", "rate and time", "× t/T", programme={"runs": 8}
+    ),
+    "scale by warming": Stranger(
+        {"plant": scale_by_warming},
+        2e-3,
+        "turning",
+        "rate and temperature rate",
+        r"Ω/Ω₀ × Ṫ/Ṫ₀",
+        programme={"runs": 8, "cycle": True},
     ),
     "scale by amplitude": Stranger(
         {"plant": scale_by_amplitude},
