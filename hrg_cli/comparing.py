@@ -33,12 +33,14 @@ class Difference:
 @dataclass(frozen=True)
 class Comparison:
     """The differences, largest in σ first; figures that only one of them has; words that differ
-    (gyro, verdict, status)."""
+    (gyro, verdict, status); those of the figures that are a result's own, with a σ there, and which
+    of the two has them."""
 
     differences: tuple[Difference, ...]
     only_old: tuple[str, ...]
     only_new: tuple[str, ...]
     words: tuple[tuple[str, str, str], ...]
+    lone_figures: tuple[tuple[str, str], ...] = ()
 
     @property
     def largest_sigma(self) -> float | None:
@@ -133,11 +135,21 @@ def compare(
         words.append(("gyro", gyro, other))
     if isinstance(old, Diagnosis) and isinstance(new, Diagnosis):
         words.append(("verdict", old.verdict, new.verdict))
+    only_old, only_new = (
+        tuple(n for n in own if n not in other and is_told_once(n, own))
+        for own, other in ((first, second), (second, first))
+    )
     return Comparison(
         tuple(sorted(found, key=lambda d: -abs(d.sigma) if d.sigma is not None else 1.0)),
-        tuple(n for n in first if n not in second and is_told_once(n, first)),
-        tuple(n for n in second if n not in first and is_told_once(n, second)),
+        only_old,
+        only_new,
         tuple(w for w in words if w[1] != w[2]),
+        tuple(
+            (place, n)
+            for place, names, figures in (("old", only_old, first), ("new", only_new, second))
+            for n in names
+            if "." not in n and find_std(n, figures) is not None
+        ),
     )
 
 

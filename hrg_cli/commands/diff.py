@@ -16,7 +16,13 @@ from ..errors import UsageError
 from ..reporting import console
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, make_command, need_inputs, refuse_settings
-from .told_differences import HEAD, describe_beyond, list_differences, list_lone_causes
+from .told_differences import (
+    HEAD,
+    describe_beyond,
+    list_differences,
+    list_lone_causes,
+    list_lone_figures,
+)
 
 Shown = tuple[dict[str, Any], Callable[[], None]]
 
@@ -98,5 +104,7 @@ def _show(found: Comparison) -> None:
             if known
             else "no figure has a standard deviation in both"
         )
+    for place, name in list_lone_figures(found):
+        console.say(f"{name}: in the {place} result alone")
     for place, cause in list_lone_causes(found):
         console.say(f"cause {cause}: in the {place} result alone")

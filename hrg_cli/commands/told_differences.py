@@ -60,14 +60,16 @@ def describe_beyond(found: Comparison, limit_sigma: float) -> list[str]:
     Returns
     -------
     list of str
-        What moved by more, causes that are in one result alone, and which words changed.
+        What moved by more, figures that the new result lacks, causes that are in one result alone,
+        and which words changed.
 
     Examples
     --------
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.commands.told_differences import describe_beyond
     >>> words = [("verdict", "explained", "adequate")]
-    >>> found = Told(differences=[], lone_causes=[("old", "gain_mismatch")], words=words)
+    >>> lone = {"lone_causes": [("old", "gain_mismatch")], "lone_figures": []}
+    >>> found = Told(differences=[], words=words, **lone)
     >>> for sentence in describe_beyond(found, 4.0):
     ...     print(sentence)
     cause gain mismatch is in the old result alone
@@ -77,6 +79,11 @@ def describe_beyond(found: Comparison, limit_sigma: float) -> list[str]:
     said = [
         f"{name} moved by {sigma} σ ({change}), at most {limit_sigma:g} was wanted"
         for name, _, _, change, sigma in list_differences(far)
+    ]
+    said += [
+        f"{name} is in the {place} result alone: whether it moved is not known"
+        for place, name in list_lone_figures(found)
+        if place == "old"
     ]
     said += [
         f"cause {cause} is in the {place} result alone" for place, cause in list_lone_causes(found)
@@ -107,6 +114,29 @@ def list_lone_causes(found: Comparison) -> list[tuple[str, str]]:
     [('old', 'gain mismatch')]
     """
     return [(place, clean_text(cause.replace("_", " "))) for place, cause in found.lone_causes]
+
+
+def list_lone_figures(found: Comparison) -> list[tuple[str, str]]:
+    """Measured figures that one result alone has, in words: "old" or "new", and the figure.
+
+    Parameters
+    ----------
+    found
+        Of two results.
+
+    Returns
+    -------
+    list of tuple
+        In the order found.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.commands.told_differences import list_lone_figures
+    >>> list_lone_figures(Told(lone_figures=[("old", "scale_factor")]))
+    [('old', 'scale factor K')]
+    """
+    return [(place, name_figure(name)) for place, name in found.lone_figures]
 
 
 def _said(one: Difference, value: float, std: float | None) -> str:

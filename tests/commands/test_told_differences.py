@@ -44,6 +44,25 @@ def test_a_change_has_the_size_and_sign_of_its_figure():
         assert rows[figure][4] == "−2.12", "σ of both: 3/√2"
 
 
+def test_a_figure_that_is_gone_is_not_unmoved(tmp_path, hrg):
+    """A resonator of runs at rest tells no K: beside one that does, "nothing moved from the
+    baseline"."""
+    whole = by_hand.resonator()
+    kept = np.array([str(name) != "scale_factor" for name in whole.name])
+    columns = {n: np.asarray(getattr(whole, n))[kept] for n in ("name", "value", "std", "units")}
+    less = whole.replace(**columns, covariance=np.asarray(whole.covariance)[np.ix_(kept, kept)])
+    for name, record in (("whole.h5", whole), ("less.h5", less)):
+        store.write(tmp_path / name, record)
+    both = tmp_path / "whole.h5", tmp_path / "less.h5"
+    words = "scale factor K is in the old result alone"
+    gone = hrg("check", both[1], "--baseline", both[0], "--json")
+    assert gone.status == 3 and any(words in one for one in gone.json["status_reasons"])
+    assert hrg("diff", *both, "--limit-sigma", "5").status == 3
+    for old, new, place in ((*both, "old"), (*both[::-1], "new")):
+        assert f"scale factor K: in the {place} result alone" in hrg("diff", old, new).out
+    assert hrg("check", both[0], "--baseline", both[1]).status == 0
+
+
 SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 

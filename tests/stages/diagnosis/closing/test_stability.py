@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from hrg_cli.effects import find
-from hrg_cli.stages.diagnosis.closing.stability import choose_again, check_chosen_again
+from hrg_cli.stages.diagnosis.closing.stability import check_chosen_again, choose_again
 from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit
 from hrg_cli.stages.diagnosis.fits.refits import adopt, loosen
 from hrg_cli.stages.diagnosis.fits.scoring import score_effects
