@@ -12,7 +12,8 @@ import numpy as np
 from ..errors import HrgError
 
 DAY = 86_400.0
-_CLOCK = re.compile(r"^\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?$")
+_CLOCK = re.compile(r"^\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AP]M)?$", re.IGNORECASE)
+_HALF_DAY = re.compile(r"^(\d{1,2})(:[^\sAPap]*)\s?([AP])M$", re.IGNORECASE)
 _DATE_TIME = re.compile(
     r"^\d{4}[-/.]\d{1,2}[-/.]\d{1,2}[T ]\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2})?$"
 )
@@ -31,8 +32,8 @@ def find_clock_kind(text: str) -> str:
     Returns
     -------
     str
-        "clock" for HH:MM:SS.mmm, "date" for an ISO date-time, "" for anything else, plain seconds
-        too.
+        "clock" for HH:MM:SS.mmm, with AM or PM too, "date" for an ISO date-time, "" for anything
+        else, plain seconds too.
 
     Examples
     --------
@@ -152,7 +153,7 @@ class Clock:
         series = pd.Series(
             [
                 (
-                    str(text).strip().replace(",", ".")
+                    _count_from_midnight(str(text).strip().replace(",", "."))
                     if find_clock_kind(str(text).strip()) == self.kind
                     else ""
                 )
@@ -174,6 +175,15 @@ class Clock:
                 f"{self.where}: its times cannot be read ({str(error)[:80]}); write them as"
                 " HH:MM:SS.mmm or as ISO date-times"
             ) from error
+
+
+def _count_from_midnight(text: str) -> str:
+    """A time of day on 24 hours: 12:30 AM is 00:30."""
+    found = _HALF_DAY.match(text)
+    if found is None:
+        return text
+    hour = int(found[1]) % 12 + 12 * (found[3] in "Pp")
+    return f"{hour:02d}{found[2]}"
 
 
 _NOT_A_TIME = np.iinfo("i8").min

@@ -45,7 +45,7 @@ from .run_heading import RunHeading, UnitsTold
 from .sample_blocks import stream_blocks
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import get_timing
+from .timing import doubt_rate, get_timing
 
 
 def import_log(
@@ -224,7 +224,7 @@ def import_log(
         s_units=unit,
         **heading.make_fields(log, where),
         **find_scales(log, roles, c_scale_factor, s_scale_factor),
-    ).judged(list_first_reasons(opened, timing))
+    ).judged(list_first_reasons(opened, timing) + doubt_rate(timing, nominal_frequency_hz, readout))
     slow = SlowLog(
         log,
         roles,

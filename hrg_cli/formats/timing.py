@@ -123,6 +123,41 @@ def get_timing(
     return Timing(None, factor, judge.first)
 
 
+def doubt_rate(timing: Timing, nominal_frequency_hz: float | None, readout: str) -> list[str]:
+    """Whether samples come too seldom for the oscillation that is said to be in them, as they do
+    where times in ms are taken for s.
+
+    Parameters
+    ----------
+    timing
+        Of the rows.
+    nominal_frequency_hz
+        Of the oscillation; None: nothing is said.
+    readout
+        Of a read-out by carrier nothing can be said.
+
+    Returns
+    -------
+    list of str
+        One sentence, or none.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.timing import Timing, doubt_rate
+    >>> [len(doubt_rate(Timing(hz, 1.0), 203.7, "direct")) for hz in (2000.0, 2.0)]
+    [0, 1]
+    """
+    rate = timing.sample_rate_hz
+    if rate is None or nominal_frequency_hz is None or readout != "direct":
+        return []
+    if rate > 2 * nominal_frequency_hz:
+        return []
+    return [
+        f"by its times the samples come at {rate:g} Hz, too seldom for an oscillation at"
+        f" {nominal_frequency_hz:g} Hz: give time_units, where they are not in s, or sample_rate_hz"
+    ]
+
+
 def _seconds_per_unit(
     log: Log, column: int, path: Path, time_units: str | None, clock_hz: float | None
 ) -> float:

@@ -138,6 +138,30 @@ def test_clock_times_cross_midnight_and_stay_uneven(tmp_path):
     np.testing.assert_allclose(recording.c, C, **CLOSE)
 
 
+@pytest.mark.parametrize("begun", ["11:59:58", "23:59:58", "00:00:01"])
+def test_clock_times_of_half_a_day_are_told_by_am_and_pm(tmp_path, begun):
+    """Over noon and over midnight; the column was taken for text, and no time was found."""
+    t = np.arange(400) * 0.01
+    base = pd.Timestamp(f"2026-01-01 {begun}")
+    clock = [base + pd.Timedelta(seconds=v) for v in t]
+    told = [one.strftime("%I:%M:%S.%f")[:-3] + one.strftime(" %p") for one in clock]
+    text = "clock,C,S\n" + "".join(
+        f"{k},{c!r},{s!r}\n" for c, s, k in zip(C.tolist(), S.tolist(), told)
+    )
+    recording = whole(written(tmp_path, text))
+    assert recording.sample_rate_hz == pytest.approx(100.0)
+    np.testing.assert_allclose(recording.c, C, **CLOSE)
+
+
+def test_times_that_are_too_seldom_for_the_oscillation_are_doubted(tmp_path):
+    """Times in ms of a column that names no unit: 2 Hz of an oscillation at 130 Hz, "valid"."""
+    text = "t,C,S\n" + rows([T * 1e3, C, S])
+    seldom = whole(written(tmp_path, text), nominal_frequency_hz=130.0)
+    assert seldom.status == "suspect" and "give time_units" in seldom.status_reasons[0]
+    told = whole(written(tmp_path, text), nominal_frequency_hz=130.0, time_units="ms")
+    assert told.status == "valid"
+
+
 @pytest.mark.parametrize(
     "form",
     [
