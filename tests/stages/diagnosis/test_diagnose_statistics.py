@@ -40,6 +40,9 @@ ALONE = {
     "thermal_lag",
 }
 PAIRED = [name for name in ALL if name not in ALONE | {"thermal_gradient"}]
+COMPANIONS = {"thermal_frequency_curvature": {"thermal_frequency"}}
+"""What a cause is beside itself: a curvature about another temperature than the runs' own mean has a
+slope there."""
 TOO_ALIKE = {frozenset(("damping_drift", "thermal_damping"))}
 """Pairs that ramps of temperature hardly tell from one another."""
 
@@ -47,7 +50,8 @@ TOO_ALIKE = {frozenset(("damping_drift", "thermal_damping"))}
 def check(name, seed):
     effects, runs = hidden(name, seed)
     out = summarise(diagnose(runs))
-    entries = [e for e in out["effects"] if e["name"] not in effects or e["name"] == name]
+    beside = {*effects, *COMPANIONS.get(name, ())}
+    entries = [e for e in out["effects"] if e["name"] not in beside or e["name"] == name]
     assert entries, f"{name} was not seen: {out['verdict']}"
     group = [entries[0]["name"], *entries[0]["indistinguishable_from"]]
     assert name in group and len(group) <= 3
@@ -59,7 +63,7 @@ def check(name, seed):
         else true_gain(runs, effects)
     )
     # a run that alone holds a temperature is predicted worse by the truth, too: a gain below one
-    assert out["gain"]["ratio"] ** 2 >= wanted - 0.1 * abs(wanted - 1) - 1e-3
+    assert out["gain"]["ratio"] ** 2 >= wanted - 0.15 * abs(wanted - 1) - 1e-3
 
 
 @pytest.mark.parametrize("name", SAMPLE)
