@@ -46,11 +46,12 @@ class Constants(NamedTuple):
 
 
 class RuleSteps(NamedTuple):
-    """Length of every step (R, n − 1), what the run's steady part makes of half of it (R, n − 1, 2,
-    2), and jumps (R, n − 1, 2)."""
+    """Length of every step (R, n − 1), what the run's steady part makes of half of it, what the
+    rule misses of a turn (R, n − 1, 2, 2), and jumps (R, n − 1, 2)."""
 
     h: Array
     half: Array
+    righted: Array
     jumps: Array
 
 
@@ -124,7 +125,7 @@ def march(
     rows, middles
         What the rows and the steps' middles know of themselves.
     steps
-        Their lengths, the steady part's half steps, and jumps.
+        Their lengths, the steady part's half steps, what rights the turn, and jumps.
     shared
         The force's second order and lead.
     out
@@ -142,7 +143,7 @@ def march(
     ...     L = np.tile(-0.1 * np.eye(2, dtype=complex), (1, count, 1, 1))
     ...     return Instants(L, none + main, none, none, none + np.nan, none, turned, 0.0)
     >>> half = np.tile(np.eye(2, dtype=complex), (1, 10, 1, 1))
-    >>> steps = RuleSteps(np.full((1, 10), 0.5), half, np.zeros((1, 10, 2), complex))
+    >>> steps = RuleSteps(np.full((1, 10), 0.5), half, half, np.zeros((1, 10, 2), complex))
     >>> for main in (0.1, 0.0):
     ...     motion = np.ones((1, 11, 2)) * np.array([1.0 + 0j, 0.0])
     ...     march(at(11, main), at(10, main), steps, Constants(np.zeros((2, 2)), 0j), motion)
@@ -165,8 +166,9 @@ def march(
             e0, e1 = _slope(x, y, rows, r, k + 1, shared)
             x, y = _carry(E, c + h / 6 * a0, s + h / 6 * a1)
             x, y = _carry(E, x + h / 3 * (b0 + d0), y + h / 3 * (b1 + d1))
-            out[r, k + 1, 0] = x + h / 6 * e0 + steps.jumps[r, k, 0]
-            out[r, k + 1, 1] = y + h / 6 * e1 + steps.jumps[r, k, 1]
+            x, y = _carry(steps.righted[r, k], x + h / 6 * e0, y + h / 6 * e1)
+            out[r, k + 1, 0] = x + steps.jumps[r, k, 0]
+            out[r, k + 1, 1] = y + steps.jumps[r, k, 1]
 
 
 @functools.lru_cache(maxsize=1)
