@@ -197,7 +197,7 @@ class Rule:
             size = float(np.max(np.abs(change))) / float(np.max(np.abs(u)))
             if not size < min(max(last, DRIFTING), FARTHEST):
                 return None
-            if self.rows.driven and size > BENT:
+            if size > BENT:
                 u, step = turn_motion(u, change, step)
             else:
                 u = u + change

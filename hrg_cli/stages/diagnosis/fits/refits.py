@@ -176,6 +176,7 @@ def adopt_hopeful(
     them has promised and reached, and those without a motion.
 
     Of a gross misfit a cause may leave much less than its score promises, and so may the next.
+    Where one has left no gross misfit, those after it are fitted in few steps.
 
     Parameters
     ----------
@@ -210,7 +211,8 @@ def adopt_hopeful(
         promised = fit.chi2 - score.gain
         if promised > HOPELESS * least:
             continue
-        made = adopt_each(fit, [(score, variant)], most)
+        found = is_gross(fit) and any(not is_gross(trial) for trial, _, _ in out)
+        made = adopt_each(fit, [(score, variant)], min(most, QUICK_STEPS) if found else most)
         least = min([least, *(max(trial.chi2, promised) for trial, _, _ in made)])
         out += made
     return out
@@ -385,6 +387,9 @@ def _refitted(
     for place, (level, trial, score, variant) in enumerate(trials):
         if place >= SHORTLIST and level > trials[0][0] + WORTH:
             break
+        # what leaves a gross misfit is no rival of what leaves none, however it may settle
+        if whole and is_gross(trial) and not is_gross(whole[0][1]):
+            continue
         if not trial.converged:
             trial = settle(trial)
             level = compute_bic(trial)

@@ -1,5 +1,5 @@
-"""Several wrong runs against one law: mistakes are each run's own, and follow neither the rate nor
-the temperature nor the amplitude of the runs; what does is physics, though no catalogue holds it.
+"""Wrong runs against one law: mistakes are each run's own, and follow neither the rate nor the
+temperature nor the amplitude of the runs; what does is physics, though no catalogue holds it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,15 @@ from ..search.remainder import select_terms
 from ..thresholds import SIGNIFICANT
 
 
-def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> bool:
-    """Whether one open term beside the runs as they are serves as well as mistakes of several runs.
+def is_one_law(
+    before: ExtendedFit,
+    left: float,
+    numbers: int,
+    price: float,
+    margin: float = 0.0,
+    terms: int = 1,
+) -> bool:
+    """Whether one open term beside the runs as they are serves as well as the mistakes of some.
 
     Parameters
     ----------
@@ -25,6 +32,10 @@ def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> 
         Free in the mistakes.
     price
         Δ(χ² + k ln N), at the noise that is left, of one number.
+    margin
+        By how much the open term must be the better one.
+    terms
+        That it may take: what bends about another place than the runs' mean has a slope there.
 
     Returns
     -------
@@ -41,10 +52,14 @@ def is_one_law(before: ExtendedFit, left: float, numbers: int, price: float) -> 
     False
     """
     # what stands otherwise in every run is no law
-    law = select_terms(before, STATED, 1, SIGNIFICANT, by_run=False)
+    law = select_terms(before, STATED, terms, SIGNIFICANT, by_run=False)
     if not law.terms:
         return False
     own = law.chi2 / law.fit.dof
     noise = max(1.0, min(left, own))
     each = float(np.log(len(before.residual))) + price
-    return own * before.dof / noise + law.rank * each < left * before.dof / noise + numbers * each
+    of_law, of_mistakes = (
+        excess * before.dof / noise + count * each
+        for excess, count in ((own, law.rank), (left, numbers))
+    )
+    return of_law + margin < of_mistakes

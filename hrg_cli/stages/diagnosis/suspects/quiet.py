@@ -21,9 +21,18 @@ from ...suspicion import Suspicion
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
 from ..search.remainder import judge_adequacy, measure_smooth_part
-from ..thresholds import CLEARLY, GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
+from ..thresholds import (
+    CLEARLY,
+    GROSS,
+    INADEQUATE,
+    INSTEAD_OF_CAUSES,
+    MISTAKE_PRICE,
+    MISTAKES_REMOVE,
+    WORTH,
+)
 from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
+from .laws import is_one_law
 from .leaks import find_leaks
 from .mistakes import find_every_mistake
 from .own_numbers import find_gain_of_lateness, find_largest_gain
@@ -117,7 +126,7 @@ def suspect_quiet_run(
         case, beside = found
         chosen = case.reading.parameters * float(np.log(len(case.fit.residual)))
         gained = min(_price(final), _price(level.before)) - _price(case.fit) - chosen
-        if gained < -WORTH:
+        if gained < -WORTH or _follows_a_law(case, level.before):
             continue
         before = level.before.chi2 / level.before.dof
         kept = {effect.name for effect, _ in level.before.point.active}
@@ -130,6 +139,13 @@ def suspect_quiet_run(
             return mistake
         doubtful = doubtful or mistake
     return doubtful if doubtful is not None and doubtful.causes else None
+
+
+def _follows_a_law(case: SuspectCase, before: ExtendedFit) -> bool:
+    """Whether what bends one run is clearly a law of what is logged of all: a scale factor that
+    goes with the temperature's square bends the coldest run most."""
+    left, numbers = case.chi2 / case.dof, case.reading.parameters
+    return is_one_law(before, left, numbers, MISTAKE_PRICE, margin=CLEARLY, terms=2)
 
 
 def suspect_plain_run(
