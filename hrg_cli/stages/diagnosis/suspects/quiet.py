@@ -26,7 +26,6 @@ from ..thresholds import (
     GROSS,
     INADEQUATE,
     INSTEAD_OF_CAUSES,
-    MISTAKE_PRICE,
     MISTAKES_REMOVE,
     WORTH,
 )
@@ -145,7 +144,7 @@ def _follows_a_law(case: SuspectCase, before: ExtendedFit) -> bool:
     """Whether what bends one run is clearly a law of what is logged of all: a scale factor that
     goes with the temperature's square bends the coldest run most."""
     left, numbers = case.chi2 / case.dof, case.reading.parameters
-    return is_one_law(before, left, numbers, MISTAKE_PRICE, margin=CLEARLY, terms=2)
+    return is_one_law(before, left, numbers, WORTH, margin=CLEARLY, terms=2)
 
 
 def suspect_plain_run(
