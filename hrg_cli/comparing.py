@@ -129,28 +129,34 @@ def compare(
     ]
     if isinstance(old, Calibration) and isinstance(new, Calibration):
         found += compare_tables(old, new)
+    only_old, only_new = (
+        tuple(n for n in own if n not in other and is_told_once(n, own))
+        for own, other in ((first, second), (second, first))
+    )
+    measured = (("old", only_old, first), ("new", only_new, second))
+    return Comparison(
+        tuple(sorted(found, key=lambda d: -abs(d.sigma) if d.sigma is not None else 1.0)),
+        only_old,
+        only_new,
+        _list_words(old, new),
+        tuple((place, n) for place, names, known in measured for n in names if _is_own(n, known)),
+    )
+
+
+def _list_words(old: Record, new: Record) -> tuple[tuple[str, str, str], ...]:
+    """The words that differ: status, gyro where both name one, verdict of diagnoses."""
     words: list[tuple[str, str, str]] = [("status", old.status, new.status)]
     gyro, other = (str(getattr(one, "gyro_id", "")) for one in (old, new))
     if gyro and other:
         words.append(("gyro", gyro, other))
     if isinstance(old, Diagnosis) and isinstance(new, Diagnosis):
         words.append(("verdict", old.verdict, new.verdict))
-    only_old, only_new = (
-        tuple(n for n in own if n not in other and is_told_once(n, own))
-        for own, other in ((first, second), (second, first))
-    )
-    return Comparison(
-        tuple(sorted(found, key=lambda d: -abs(d.sigma) if d.sigma is not None else 1.0)),
-        only_old,
-        only_new,
-        tuple(w for w in words if w[1] != w[2]),
-        tuple(
-            (place, n)
-            for place, names, figures in (("old", only_old, first), ("new", only_new, second))
-            for n in names
-            if "." not in n and find_std(n, figures) is not None
-        ),
-    )
+    return tuple(w for w in words if w[1] != w[2])
+
+
+def _is_own(name: str, figures: dict[str, float]) -> bool:
+    """Whether a figure is a result's own, and measured."""
+    return "." not in name and find_std(name, figures) is not None
 
 
 def _difference(

@@ -41,8 +41,8 @@ MOST_SWEEPS, DRIFTING, SETTLED = 12, 1e-2, 1e-12
 """Sweeps of a motion over all its steps at once; relative change up to which it may grow from one
 to the next, and where it ends."""
 FARTHEST, BENT = 4.0, 1e-3
-"""Relative change beyond which rows are marched one by one, and from which a driven wave is turned
-instead of added to."""
+"""Relative change beyond which rows are marched one by one, and from which a wave is turned instead
+of added to."""
 SLOPES_COST, MOST_SLOPES = 6, 2
 """Sweeps that the slopes of all steps take as long as, and how often they are found anew."""
 
