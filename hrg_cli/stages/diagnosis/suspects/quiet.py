@@ -21,14 +21,7 @@ from ...suspicion import Suspicion
 from ..fits.scoring import score_effects
 from ..fits.variants import Variant
 from ..search.remainder import judge_adequacy, measure_smooth_part
-from ..thresholds import (
-    CLEARLY,
-    GROSS,
-    INADEQUATE,
-    INSTEAD_OF_CAUSES,
-    MISTAKES_REMOVE,
-    WORTH,
-)
+from ..thresholds import CLEARLY, GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
 from .cases import Fitted, SuspectCase, SuspectFound, fit_or_none, is_any_logged
 from .common_clock import find_common_lateness
 from .laws import is_one_law

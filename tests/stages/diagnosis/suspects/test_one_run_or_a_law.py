@@ -3,10 +3,9 @@ most."""
 
 import numpy as np
 import pytest
+from synthetic_waves import as_wave, envelope
 
-from hrg_cli.physics import ellipse
-from hrg_cli.physics.resonator import Mechanics, build_generator, exponentiate
-from hrg_cli.records import Wave
+from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.diagnose import diagnose, summarise
 
 DEVICE = Mechanics(5000.0, 0.01, 4e-4, 0.2, 0.02, 0.6, 0.277)
@@ -24,27 +23,18 @@ RUNS = (
 def run(number, square, log_scale=1.0):
     """A free run whose K is bent by square·(T − 27 °C)²."""
     first, last, rate = RUNS[number]
-    random = np.random.default_rng(number)
     t = (np.arange(WINDOWS) + 0.5) * WINDOW_S
-    warm = first + (last - first) * t / (WINDOWS * WINDOW_S)
-    bent = rate * (1 + square * (warm - 27.0) ** 2)
-    steps = exponentiate(build_generator(DEVICE, bent), np.full(WINDOWS, WINDOW_S))
-    u = [ellipse.compute_envelopes(*map(np.array, (1.0, 0.05, 0.1 + 0.4 * number, 0.3)))]
-    for step in steps[:-1]:
-        u.append(step @ u[-1])
-    u = np.array(u) + NOISE * random.standard_normal((WINDOWS, 4)).view(complex)
-    a_A, a_B, angle, phase = ellipse.find_wave(u)
-    angle, phase = ellipse.unwrap(angle, phase)
-    std, zero = np.full(WINDOWS, NOISE), np.zeros(WINDOWS)
-    return Wave(
-        time_s=t, main_amplitude=a_A, quadrature_amplitude=a_B, wave_angle_rad=angle,
-        phase_rad=phase, carrier_phase_rad=zero, main_amplitude_std=std,
-        quadrature_amplitude_std=std, wave_angle_rad_std=std, phase_rad_std=std,
-        carrier_phase_rad_std=zero, residual_rms=zero, signal_std=std,
-        iterations=np.zeros(WINDOWS, "i2"), flags=np.zeros(WINDOWS, "u1"),
-        temperature_degc=warm, rate_rad_s=np.full(WINDOWS, rate * log_scale),
-        frequency_hz=np.full(WINDOWS, 5000.0), reference_frequency_hz=5000.0,
-        window_s=WINDOW_S, mode="free", run_id=f"q{number}",
+
+    def warm(t):
+        return first + (last - first) * t / (WINDOWS * WINDOW_S)
+
+    def bent(t):
+        return rate * (1 + square * (warm(t) - 27.0) ** 2)
+
+    u = envelope(DEVICE, 0.1 + 0.4 * number, bent, t, ratio=0.05, phase=0.3)
+    return as_wave(
+        u, t, NOISE, DEVICE, np.random.default_rng(number), rate=np.full(WINDOWS, rate * log_scale),
+        run_id=f"q{number}", temperature_degc=warm(t),
     )  # fmt: skip
 
 
