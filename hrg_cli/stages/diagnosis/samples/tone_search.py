@@ -19,11 +19,9 @@ from ....records import Wave
 from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
 from .tone import Tone
+from .tone_size import NEAREST_CYCLES
 
 Array = np.ndarray
-NEAREST_CYCLES = 4.0
-"""Cycles of beat with every run's own frequency in the shortest run from which a tone is looked
-for."""
 ONE_SIDED, MIRRORED = 6.0, 2.0
 """Power of a tone over its mirror's beside the resonance, less the floor in both, and σ of the
 mirror's noise allowed beside."""

@@ -15,6 +15,7 @@ from ....records import Wave
 from ..thresholds import LINE_RATIO
 from .tone import Tone
 from .tone_search import find_strongest_tone
+from .tone_size import NEAREST_CYCLES, count_cycles, place_beside
 
 Array = np.ndarray
 NOTCH = 1.5
@@ -155,8 +156,12 @@ def take_out_tones(
     """
     left, tones = list(waves), list[Tone]()
     while len(tones) < MOST_TONES:
-        tone = find_strongest_tone(nearest(fit), left)
+        near = nearest(fit)
+        tone = find_strongest_tone(near, left)
         if tone is None:
+            break
+        tone = place_beside(near, tone)
+        if count_cycles(near, tone) < NEAREST_CYCLES:
             break
         if not tone.standing:
             return fit, left, [*tones, tone]  # listed and not taken out

@@ -17,6 +17,7 @@ import numpy as np
 from ....effects import mains_tone
 from ....effects.effect import Effect
 from ....records import Wave
+from ..thresholds import LINE_RATIO
 from .harmonics import is_below_codes, name_bent_channels
 from .lines import (
     WIDTH_CELLS,
@@ -38,6 +39,8 @@ ALIKE = 1.5
 LEAKS = 2.0
 """Times 1/πx of a line that windows show at most of it x turns away, the curvature that demodulate
 puts back included."""
+LOWEST = 3
+"""Lowest cells of a spectrum at which an offset that drifts stands out."""
 SIDEBAND = "one of two as far above as below the oscillation: its modulation and no tone"
 """What is said of a line that has a mirror."""
 IMAGE = "what a line far from the oscillation, or an offset that drifts, leaks into the windows"
@@ -264,7 +267,7 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
     step_s = float(np.median([np.median(np.diff(w.time_s)) for w in waves]))
     longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
     own = tone.frequency_hz * step_s
-    if abs(own - round(own)) < WIDTH_CELLS * step_s / longest:
+    if abs(own - round(own)) < WIDTH_CELLS * step_s / longest and _may_drift(waves):
         return True
     near = WIDTH_CELLS * find_cell_hz(waves) * step_s
     size = np.sqrt(np.mean(np.abs(tone.vector) ** 2))
@@ -273,6 +276,19 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
             leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
             if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
                 return True
+    return False
+
+
+def _may_drift(waves: Sequence[Wave]) -> bool:
+    """Whether a channel's offset may drift: its samples' spectrum stands out at its low end, or is
+    not known."""
+    for wave in waves:
+        if wave.spectrum_density is None:
+            return True
+        density = np.asarray(wave.spectrum_density, float)
+        lowest = density[1 : 1 + LOWEST].mean(axis=0)  # the first is each segment's mean, taken off
+        if np.any(lowest > LINE_RATIO * np.median(density, axis=0)):
+            return True
     return False
 
 
