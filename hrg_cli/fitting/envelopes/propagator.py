@@ -40,6 +40,9 @@ FIRST_STEPS = 6
 PAIRS_A_LAG = 4
 """Pairs of rows whose first row lies within one lag on the way; at the last lag, where no row is in
 two pairs, all."""
+HIDDEN, SHORTER = 0.3, (0.75, 0.6)
+"""Part of the largest turn over shorter lags below which a lag hides K, and the parts of it that
+are tried instead: one of them is far from every whole number of a swing's periods."""
 SETTLED = 1e-3
 """Change of L times lag after which the next step, its square, is left to the next lag."""
 NEAR = 0.1
@@ -596,6 +599,9 @@ def measure_largest_miss(data: Pairs, p: Array, offsets: Array) -> float:
 def list_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     """Lags from a row to half of the shortest run, each at most four times the one before.
 
+    A table that swings is where it was after every period: of a lag over which no run turns by
+    much of what it does over shorter ones K is not seen, and it is made shorter.
+
     Parameters
     ----------
     runs
@@ -615,12 +621,36 @@ def list_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     >>> run = EnvelopeRun("", t, np.ones((129, 2)), 0 * t + 1e-4, 0 * t, None, 5e3, 2, 1.0)
     >>> [round(float(lag), 9) for lag in list_lags([run])]
     [1.0, 4.0, 16.0, 64.0]
+
+    On a table that swings once in 64 s:
+
+    >>> swing = EnvelopeRun(
+    ...     "", t, np.ones((129, 2)), 0 * t + 1e-4, np.sin(np.pi * t / 32), None, 5e3, 2, 1.0
+    ... )
+    >>> [round(float(lag), 9) for lag in list_lags([swing])]
+    [1.0, 4.0, 16.0, 38.4]
     """
     span = min(r.duration_s for r in runs)
     shortest = max(float(np.median(np.diff(r.time_s))) for r in runs)
     longest = max(LONGEST_LAG * span, shortest)
     count = 1 + int(np.ceil(np.log(longest / shortest) / np.log(LAG_GROWTH)))
-    return [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
+    lags = [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
+    seen = 0.0
+    for k, lag in enumerate(lags):
+        if _find_turn(runs, lag) < HIDDEN * seen:
+            lags[k] = max((part * lag for part in SHORTER), key=lambda one: _find_turn(runs, one))
+        seen = max(seen, _find_turn(runs, lags[k]))
+    return lags
+
+
+def _find_turn(runs: Sequence[EnvelopeRun], lag_s: float) -> float:
+    """The largest turn of a table over a lag, rad."""
+    largest = 0.0
+    for run in runs:
+        later = run.time_s[run.time_s <= run.time_s[-1] - lag_s] + lag_s
+        turn = np.interp(later, run.time_s, run.turn_rad) - run.turn_rad[: len(later)]
+        largest = max(largest, float(np.max(np.abs(turn), initial=0.0)))
+    return largest
 
 
 def _measure_over_lag(change: Array, data: Pairs) -> float:
