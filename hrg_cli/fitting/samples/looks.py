@@ -24,6 +24,11 @@ UNEVEN_LOOKS, UNEVEN_SAMPLES = 24, 1024
 STEP_LOOKS = 4
 """Looks, about, whose values show the converter's step."""
 
+APART = 0.1
+"""Part of the time that a look's samples take, were they together, from which a step between two is
+a gap: beyond it the oscillation's peak has others beside it, one a turn over the gap, that noise
+takes for it."""
+
 MOST_PATCHED = 0.2
 """Part of a look's values that may be bad for it to serve with their mean in their place."""
 
@@ -138,6 +143,34 @@ def _find_longest(good: Array) -> slice:
         return slice(0, 0)
     k = int(np.argmax(edges[1::2] - edges[::2]))
     return slice(int(edges[2 * k]), int(edges[2 * k + 1]))
+
+
+def keep_together(look: Look) -> Look:
+    """The longest part of a look without a gap.
+
+    Parameters
+    ----------
+    look
+        One stretch of samples, at uneven times.
+
+    Returns
+    -------
+    Look
+        The same where it has none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.looks import Look, keep_together
+    >>> t = np.concatenate([np.arange(10.0), np.arange(14.0, 34.0)])
+    >>> part = keep_together(Look(t, np.zeros((2, 30)), (t, t)))
+    >>> float(part.time_s[0]), len(part.time_s)
+    (14.0, 20)
+    """
+    steps = np.diff(look.time_s)
+    near = steps <= APART * len(steps) * float(np.median(steps))
+    part = _find_longest(near)
+    return look if near.all() else _cut_look(look, slice(part.start, part.stop + 1))
 
 
 def measure_span(look: Look) -> float:

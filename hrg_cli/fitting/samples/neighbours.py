@@ -3,7 +3,8 @@
 A window without a number (a sample that is not finite, a gap) has no envelope, and the windows
 beside it would have neither slope nor bend: their pull, some ten σ where the wave turns, would stay
 in their coefficients. Few such windows in a row are bridged by the cubic spline through the others,
-in the frame that turns with them; many end a stretch as a recording's end does.
+in the frame that turns with them; many end a stretch as a recording's end does. A window of few
+samples is no better neighbour than one of none: it has the motion of those beside it.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ def estimate_from_neighbours(
     u: Array,
     local_less_reference_rad_s: Array | float,
     window_s: float,
+    sure: Array | None = None,
 ) -> Motion | None:
     """What a function finds of envelopes, past windows that hold no number.
 
@@ -64,6 +66,9 @@ def estimate_from_neighbours(
         By what the local frame turns, of each tone (F,), or one, rad/s.
     window_s
         From row to row.
+    sure
+        Rows (n,) that tell the motion; None: all that hold a number. The others have that of the
+        nearest row that does, if it is beside them.
 
     Returns
     -------
@@ -82,22 +87,34 @@ def estimate_from_neighbours(
     >>> slope.real[0, :, 0].round(9).tolist()
     [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
     """
-    known = np.isfinite(u).all(axis=(0, 2))
+    finite = np.isfinite(u).all(axis=(0, 2))
+    known = finite if sure is None else finite & sure
     if known.all():
         return motion(u)
+    # from window to window envelopes turn by how far the frequency is from the reference: in a
+    # frame that turns as well, the spline sees what is slow
+    turn = np.exp(1j * np.multiply(local_less_reference_rad_s, window_s))
     found: list[Array] | None = None
     for rows in find_stretches(known):
-        # from window to window envelopes turn by how far the frequency is from the reference: in a
-        # frame that turns as well, the spline sees what is slow
-        turn = np.exp(1j * np.multiply(local_less_reference_rad_s, window_s))
         part = motion(bridge_unknown(u[:, rows], known[rows], turn))
         if part is None:
             continue
         if found is None:
             found = [np.zeros(u.shape, one.dtype) for one in part]
+        beside = [k for k in (rows.start - 1, rows.stop) if 0 <= k < len(finite) and finite[k]]
         for whole, one in zip(found, part, strict=True):
             whole[:, rows] = one
+            for k in beside:
+                whole[:, k] = _carry_on(whole, k, rows, turn)
     return None if found is None else tuple(found)
+
+
+def _carry_on(motion: Array, row: int, rows: slice, turn: Array | complex) -> Array:
+    """What is found (channels, F) of the row beside a stretch: what its last row has, in a frame
+    that turns on; a doubt, which is real, as it is."""
+    last = min(max(row, rows.start), rows.stop - 1)
+    value = motion[:, last]
+    return value * np.asarray(turn) ** (row - last) if np.iscomplexobj(motion) else value
 
 
 def find_stretches(known: Array) -> Iterator[slice]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from . import frequency as finding
-from .looks import Look, measure_span
+from .looks import Look, keep_together, measure_span
 
 Array = np.ndarray
 
@@ -205,9 +205,12 @@ def follow_frequency(
     (3, 0.0)
     """
     times, frequencies = [], []
-    for number, look in enumerate(looks):
-        # A look with a gap in it resolves no better than its samples, were they together; four
-        # times that bounds the grid.
+    for number, whole in enumerate(looks):
+        # The parts on either side of a gap are in step at the true frequency and at others, one
+        # turn over the gap apart: one of the parts alone tells it.
+        look = whole if spectra else keep_together(whole)
+        # A look of which samples are lost resolves no better than those left, were they together;
+        # four times that bounds the grid.
         span = min(measure_span(look), 4 * len(look.time_s) * step_s)
         # A run's frequency moves by less than 1 % (1e-4/K over 100 K), and noise moves a peak by a
         # line or two.

@@ -31,9 +31,21 @@ Array = np.ndarray
 TAKEN_OFF = 3
 """Times the slopes are found anew beside their own pull: of short windows at the ends it is a
 tenth of the wave's motion, and goes down to a fifth each time."""
+UNSURE = 3.0
+"""Times its usual variance at which a window is no neighbour that tells a motion: the bend of nine
+rows would be made of its noise alone."""
 PROBE, PROBED = 16, 256
 """One row of so many tells whether the curvature within short windows is worth its correction; of
 the scatter too where so many rows tell it."""
+
+
+def _find_sure(fits: Fits) -> Array | None:
+    """Windows (n,) that tell the motion of those beside them: not those a gap has left few samples
+    of. None: all of them are alike."""
+    variance = fits.variance.mean(axis=1)
+    if len(variance) == 1:
+        return None
+    return np.asarray(variance < UNSURE * np.nanmedian(variance))
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,8 @@ class MotionWithin:
         Still
             With what the motion explains and leaves unsure.
         """
-        smooth, known = self._take_slope_off(fits, u, turn, offset)
+        sure = _find_sure(fits)
+        smooth, known = self._take_slope_off(fits, u, turn, offset, sure)
         bend = doubt = None
         judged = self._keep_judged(smooth, times)
         if self.takes_bends_off or self._do_bends_count(judged, offset, fits):
@@ -92,6 +105,7 @@ class MotionWithin:
                 judged,
                 offset,
                 self.window_s,
+                sure,
             )
             bend, doubt = bends or (None, None)
         noisier = compute_pull_noise(
@@ -109,32 +123,37 @@ class MotionWithin:
         return Still(smooth, known, noisier, doubt2)
 
     def _take_slope_off(
-        self, fits: Fits, u: Array, turn: Array, offset: Array
+        self, fits: Fits, u: Array, turn: Array, offset: Array, sure: Array | None
     ) -> tuple[Array, Array | None]:
         """The envelopes without the pull of their slopes, and the part of the squared residual that
         these explain where they count; as they are where the fit holds the slopes."""
-        slope = None if self.moving else self._see_beside(estimate_slopes, u, offset)
+        slope = None if self.moving else self._see_beside(estimate_slopes, u, offset, sure)
         if slope is None:
             return u, None
         known = None
         if fits.apart or does_motion_count(fits.residual2, slope, fits.slope):
             for _ in range(TAKEN_OFF):
                 still = take_off_pull(u, slope, turn, fits.slope)
-                better = self._see_beside(estimate_better_slopes, still, offset)
+                better = self._see_beside(estimate_better_slopes, still, offset, sure)
                 slope = slope if better is None else better
             known = None if fits.apart else compute_motion_residual(slope, turn, fits.slope)
         return take_off_pull(u, slope, turn, fits.slope), known
 
     def _see_beside(
-        self, slope_of: Callable[[Array, Array, float], Array | None], u: Array, offset: Array
+        self,
+        slope_of: Callable[[Array, Array, float], Array | None],
+        u: Array,
+        offset: Array,
+        sure: Array | None,
     ) -> Array | None:
-        """The envelopes' slopes from their neighbours, past windows that hold no number."""
+        """The envelopes' slopes from their neighbours, past windows that hold no number or few
+        samples."""
 
         def motion(rows: Array) -> tuple[Array] | None:
             slope = slope_of(rows, offset, self.window_s)
             return None if slope is None else (slope,)
 
-        found = estimate_from_neighbours(motion, u, offset, self.window_s)
+        found = estimate_from_neighbours(motion, u, offset, self.window_s, sure)
         return None if found is None else found[0]
 
     def _do_bends_count(self, u: Array, offset: Array, fits: Fits) -> bool:
