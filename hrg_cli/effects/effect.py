@@ -560,13 +560,46 @@ def find_frame(u: Array, phase_rad: Array | float) -> tuple[Array, Array, Array,
     >>> find_frame(np.array([0.0, 2.0]), np.pi)[1].round(9).tolist()
     [-0.0, -1.0]
     """
+    return find_frame_about(u, np.exp(1j * np.asarray(phase_rad)))
+
+
+def find_frame_about(u: Array, known: Array) -> tuple[Array, Array, Array, Array]:
+    """The same about a phase that is known as e^{jφ}.
+
+    cos 2mθ and sin 2mθ are (|C|² − |S|², 2 Re CS*) over their size, and half angles are roots.
+
+    Parameters
+    ----------
+    u
+        (..., 2) complex.
+    known
+        (...) complex, e^{jφ}.
+
+    Returns
+    -------
+    tuple of ndarray
+        As of `find_frame`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.effects.effect import find_frame_about
+    >>> find_frame_about(np.array([0.0, 2.0]), np.array(-1.0))[1].round(9).tolist()
+    [-0.0, -1.0]
+    """
     c, s = u[..., 0], u[..., 1]
-    electrical = (
-        np.arctan2(2 * (c.real * s.real + c.imag * s.imag), np.abs(c) ** 2 - np.abs(s) ** 2) / 2
-    )
-    cos, sin = np.cos(electrical), np.sin(electrical)
+    less = c.real**2 + c.imag**2 - s.real**2 - s.imag**2
+    cross = 2 * (c.real * s.real + c.imag * s.imag)
+    size = np.sqrt(less**2 + cross**2)
+    # the larger of cosine and sine by a sum, the other by it: neither is a small difference
+    scale = np.where(size > 0, size, 1.0)
+    larger = np.sqrt(np.where(size > 0, (1 + np.abs(less) / scale) / 2, 1.0))
+    smaller = np.abs(cross) / (2 * scale * larger)
+    along_c = less >= 0
+    cos = np.where(along_c, larger, smaller)
+    sin = np.copysign(np.where(along_c, smaller, larger), cross)
     main = cos * c + sin * s
-    sign = np.where(main.real * np.cos(phase_rad) + main.imag * np.sin(phase_rad) < 0, -1.0, 1.0)
+    sign = np.where(main.real * known.real + main.imag * known.imag < 0, -1.0, 1.0)
     a_A = np.abs(main)
     cos, sin, turn = cos * sign, sin * sign, main * (sign / np.where(a_A > 0, a_A, 1.0))
     e_A, e_B = np.empty((*cos.shape, 2)), np.empty((*cos.shape, 2))

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect, find_frame, no_term
+from ...effects.effect import INSTANT, OF_EVERY_RUN, RUN, Effect, find_frame_about, no_term
 from ...effects.envelope_jumps import find_part_after
 from ...physics.plant import SlowState
 from ...physics.resonator import exponentiate
@@ -92,6 +92,9 @@ class RungeKuttaStage:
         one.main, one.quadrature = self.main[:, k], self.quadrature[:, k]
         one.L, one.plain = self.L[:, k], self.plain[:, k]
         one.frame_turn = None if self.frame_turn is None else self.frame_turn[:, k]
+        if self.driven:
+            one.known_turn = self.known_turn[:, k]
+            one.beside_frame = tuple(part[:, k] for part in self.beside_frame)
         one.holds, one.held, one.held_slope, one.follow_1_s = (
             self.holds,
             self.held[:, k],
@@ -122,6 +125,20 @@ class RungeKuttaStage:
         """What all instants share of that."""
         return Constants(self.second, complex(self.lead))
 
+    @cached_property
+    def known_turn(self) -> Array:
+        """e^{jφ} of the phase near which the wave's own is taken."""
+        return np.exp(1j * self.state.phase_rad)
+
+    @cached_property
+    def beside_frame(self) -> tuple[Array, ...]:
+        """Cosine and sine (..., 1) and e^{jφ} of how the drive's frame stands beside the wave's;
+        none where it is the wave's."""
+        if self.frame_turn is None:
+            return ()
+        angle, phase = self.frame_turn[..., :1], self.frame_turn[..., 1]
+        return np.cos(angle), np.sin(angle), np.exp(1j * phase)
+
     def compute_drive(self, v: Array) -> Array:
         """Commanded force on the envelopes: e^{jφ}(a_ΦA e_A − j a_ΦB e_B) along the wave as the
         loops see it; without a log, what holds the measured amplitude."""
@@ -132,7 +149,7 @@ class RungeKuttaStage:
 
     def compute_main_command(self, v: Array) -> Array:
         """a_ΦA of the drive on the envelopes: as logged, or what holds the measured amplitude."""
-        return self._hold(find_frame(v, self.state.phase_rad), v)
+        return self._hold(find_frame_about(v, self.known_turn), v)
 
     def _hold(self, frame: tuple[Array, ...], v: Array) -> Array:
         """The main command in the frame of envelopes that move as v does."""
@@ -150,10 +167,11 @@ class RungeKuttaStage:
 
     def _along(self, u: Array, v: Array) -> Array:
         """The drive along the axes of envelopes u that move as v does."""
-        frame = find_frame(u, self.state.phase_rad)
+        frame = find_frame_about(u, self.known_turn)
         main, (turn, e_A, e_B, _) = self._hold(frame, v), frame
-        if self.frame_turn is not None:
-            turn, e_A, e_B = _turned(turn, e_A, e_B, self.frame_turn)
+        if self.beside_frame:
+            cos, sin, phase = self.beside_frame
+            turn, e_A, e_B = turn * phase, cos * e_A + sin * e_B, cos * e_B - sin * e_A
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
     @cached_property
@@ -168,7 +186,11 @@ class RungeKuttaStage:
     def compute_displacement(self, v: Array) -> Array:
         """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
         the read-outs."""
-        u = v + self.lead * self.compute_drive(v) if self.driven else v
+        return self._displace(v, self.compute_drive(v) if self.driven else None)
+
+    def _displace(self, v: Array, drive: Array | None) -> Array:
+        """The displacement of envelopes v under the drive that they call for."""
+        u = v if drive is None else v + self.lead * drive
         return u if self.beside_motion is None else u + apply_generators(self.beside_motion, v)
 
     def make_state(self, u: Array) -> SlowState:
@@ -262,23 +284,16 @@ class RungeKuttaStage:
 
     def read_out(self, v: Array) -> Array:
         """As demodulation shows it, through the read-outs."""
-        u = self.compute_displacement(v)
-        if self.active:
-            state = self.make_state(v)
-            for effect, values in self.active:
-                u = effect.slow_readout(values, u, state)
+        state = self.make_state(v)
+        u = self._displace(v, state.drive if self.driven else None)
+        for effect, values in self.active:
+            u = effect.slow_readout(values, u, state)
         return u
 
     @property
     def idle(self) -> bool:
         """Nothing acts beside L."""
         return not self.driven and not self.active
-
-
-def _turned(turn: Array, e_A: Array, e_B: Array, beside: Array) -> tuple[Array, Array, Array]:
-    """The frame (e^{jφ}, e_A, e_B) beside the wave's by angles and phases (..., 2)."""
-    cos, sin = np.cos(beside[..., :1]), np.sin(beside[..., :1])
-    return turn * np.exp(1j * beside[..., 1]), cos * e_A + sin * e_B, cos * e_B - sin * e_A
 
 
 def compute_second_order_force(p: Array, frequency_hz: float) -> Array:
