@@ -24,6 +24,7 @@ from .compensation.block_rates import find_block_rates
 from .compensation.logged_run import LoggedRun
 from .compensation.middles import Middles
 from .compensation.run_sums import IncrementRates, RateErrors, RunSums
+from .compensation.unlogged_temperature import HeldTemperature, fill_temperature
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 
 Array = np.ndarray
@@ -97,9 +98,10 @@ def compensate(
     (159, 2.0)
     """
     _guard(wave, calibration)
-    run = LoggedRun.from_wave(wave)
+    filled, known = fill_temperature(wave)
+    run, held = LoggedRun.from_wave(filled), HeldTemperature(calibration, known)
     earth = find_earth_rate(earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
-    return _compensate_pieces(run, calibration, windows_per_increment, earth)
+    return _compensate_pieces(run, held, windows_per_increment, earth)
 
 
 def summarise(record: Compensated) -> dict[str, Any]:
@@ -162,9 +164,10 @@ def _guard(wave: Wave, calibration: Calibration) -> None:
 
 
 def _compensate_pieces(
-    run: LoggedRun, calibration: Calibration, windows: int, earth_rate: float
+    run: LoggedRun, held: HeldTemperature, windows: int, earth_rate: float
 ) -> Iterator[Compensated]:
     """The run in pieces that fit into memory, each with the figures of all so far."""
+    calibration = held.calibration
     sums = RunSums(calibration, -(-len(run.wave) // windows), run.logged)
     for piece in run.split_pieces(windows):
         whole = build_path(
@@ -183,6 +186,7 @@ def _compensate_pieces(
         sums.widen(path.rate_rad_s[known] if known.any() else _smooth(found.rate_rad_s))
         errors = _errors_of(path, found, known, calibration) if run.logged else None
         sums.add(path, found, errors)
+        held.add(path, found.angle_std)
         record = _record_of(
             run,
             calibration,
@@ -198,7 +202,8 @@ def _compensate_pieces(
             details=json.dumps(sums.compute_figures()),
         )
         judged = _judge_rates(record, calibration, sums, run)
-        yield judged.judged(list_failures([*sums.against.list_checks(), sums.check_truncation()]))
+        closing = [*sums.against.list_checks(), sums.check_truncation(), held.check(run.name)]
+        yield judged.judged(list_failures(closing))
     if not np.isfinite(sums.slowest_rad_s):
         raise HrgError(f"{run.name}: has no good windows; see its flags, and demodulate again")
 
