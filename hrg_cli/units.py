@@ -49,6 +49,34 @@ def to_file_unit(unit: str) -> str:
     return _SPELLING.get(unit.strip(), unit.strip())
 
 
+def round_down(value: float, digits: int = 2) -> float:
+    """A number to so many digits, never above it: what is told as the most that will do has to do.
+
+    Parameters
+    ----------
+    value
+        Positive.
+    digits
+        That are left of it.
+
+    Returns
+    -------
+    float
+        At most `value`.
+
+    Examples
+    --------
+    >>> from hrg_cli.units import round_down
+    >>> round_down(0.0196), round_down(0.02), round_down(1234.0)
+    (0.019, 0.02, 1200.0)
+    """
+    near = float(f"{value:.{digits}g}")
+    if near <= value:
+        return near
+    power = math.floor(math.log10(value)) - digits + 1
+    return float(f"{math.floor(value / 10.0**power) * 10.0**power:.{digits}g}")
+
+
 TRADE = {
     "rad_s_sqrt_s": (DEGREE / 3600 / 60, "°/h/√h"),
     "rad_sqrt_s": (DEGREE / 60, "°/√h"),

@@ -21,11 +21,12 @@ from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
 from ..records import Calibration, Compensated, Resonator, Wave, list_doubts, name_record
-from ..units import DEGREE_PER_HOUR
+from ..units import DEGREE_PER_HOUR, round_down
 from .calibration.programme import SINGLE_NODE_MARGIN_DEGC
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .rate_by_tables import TableRate, rate_by_tables
 from .rate_logged import measure_bends_of_log
+from .rate_loops import check_loops
 from .rate_nodes import DOUBTFUL, DOUBTFUL_PIECE, Bends, follow
 
 Array = np.ndarray
@@ -147,7 +148,7 @@ def rate(
     )
     impossible, doubtful = _make_closing_checks(found, bends)
     elsewhere = _check_temperature(wave, resonator)
-    doubtful = [*elsewhere, *doubtful]
+    doubtful = [*elsewhere, *check_loops(wave, resonator, found), *doubtful]
     beside = None
     if calibration is not None:
         where = (earth_rate_deg_h, latitude_deg, axis_tilt_deg, axis_azimuth_deg)
@@ -448,8 +449,9 @@ def _more_nodes(found: RateEstimate) -> str:
         return f"ask for more nodes, {wanted} say"
     if wanted > MOST_NODES:
         return "cut the run into shorter ones"
-    shorter = found.window_s * found.most_nodes / wanted
-    return f"demodulate with windows of at most {shorter:.2g} s, which carry {wanted} nodes"
+    # rounded down: windows of the length that is named have to carry the nodes
+    shorter = round_down(found.window_s * found.most_nodes / wanted)
+    return f"demodulate with windows of at most {shorter:g} s, which carry {wanted} nodes"
 
 
 def summarise(record: Compensated) -> dict[str, Any]:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from synthetic_waves import GYRO, as_wave, envelope
 
+from hrg_cli.errors import HrgError
+from hrg_cli.fitting.envelopes.rate_from_model import count_nodes
 from hrg_cli.physics.resonator import PARAMETERS
 from hrg_cli.records import FLAG_GAP, Resonator
 from hrg_cli.stages.rate import rate
@@ -80,6 +82,15 @@ def test_a_swing_that_no_nodes_follow_is_doubted():
     found = found_rate(2.0, 100.0, 1e-4, 1, logged=True)
     assert found.status == "suspect"
     assert "the logged rate swings between" in " ".join(found.status_reasons)
+
+
+@pytest.mark.parametrize("windows", (600, 613, 750, 997))
+def test_windows_as_short_as_advised_carry_the_nodes(windows):
+    """Of 600 windows of 0.02 s "at most 0.02 s" were asked for 153 nodes, which take 612."""
+    with pytest.raises(HrgError, match="at most") as told:
+        count_nodes("run a", windows, 0.02, 257)
+    shorter = float(str(told.value).split("at most ")[1].split(" s")[0])
+    assert count_nodes("run a", int(windows * 0.02 / shorter), shorter, 257)[0] == 257
 
 
 def test_without_a_log_as_many_nodes_are_tried_as_leave_the_noise_alone():

@@ -17,6 +17,7 @@ import numpy as np
 from ...errors import HrgError
 from ...physics.resonator import PARAMETERS, Mechanics
 from ...records import Resonator, Wave
+from ...units import round_down
 from .envelope_runs import EnvelopeRun, from_wave
 from .rate_estimate import MOST_NODES, RateEstimate, build_cardinals
 from .rate_fit import Reference, fit_rate, make_reference
@@ -71,10 +72,10 @@ def count_nodes(name: str, windows: int, window_s: float, nodes: int | None) -> 
     usual = int(np.clip(most // 2, FEWEST_NODES, USUAL_NODES))
     count = nodes if nodes is not None else usual
     if count > most:
-        shorter = window_s * windows / (ROWS_A_NODE * count)
+        shorter = round_down(window_s * windows / (ROWS_A_NODE * count))
         raise HrgError(
             f"{name}: {windows} good windows, at least {ROWS_A_NODE * count} were expected for"
-            f" {count} nodes; ask for fewer, or demodulate with windows of at most {shorter:.2g} s"
+            f" {count} nodes; ask for fewer, or demodulate with windows of at most {shorter:g} s"
         )
     return count, most
 
