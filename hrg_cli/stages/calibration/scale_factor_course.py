@@ -14,10 +14,13 @@ from ..usual_scale_factor import check_scale_factor
 
 Array = np.ndarray
 MOST_APART = 0.01
-"""Part of K by which that of one node may differ from the others'."""
+"""Part of K by which that of one node may be off the others' course."""
 STANDS_OUT, LEAST = 10.0, 2e-4
-"""Times what all others differ by among themselves that one node's K stands out by, and the least
-that they differ by."""
+"""Times what all others are off a course of theirs that one node's K stands out by, and the least
+that they are off it."""
+SMOOTHEST = 2
+"""Order of the course through the others: an even rise and its bend are a gyro's, whatever their
+size; a wrong log's step is neither."""
 SURE = 5.0
 """Standard deviations that are no difference."""
 
@@ -47,16 +50,32 @@ class ScaleFactors:
         return max(abs(float(np.median(self.values))), 1e-300)
 
     def measure_departures(self) -> Array:
-        """How far K at each node is from that of most others, beyond what their errors do: (J,) as
-        parts of K, 0 where there is one node."""
-        if len(self.values) < 2:
+        """How far K at each node is off a smooth course of the others, beyond what their errors do:
+        (J,) as parts of K, 0 where there is one node.
+
+        The course is that which suits the node best: as at the nearest of the others, a line or a
+        parabola through all of them. A log of another scale is off each; a mean of nodes that
+        differ from one another would blame the last of an even rise.
+        """
+        nodes = range(len(self.values))
+        if len(nodes) < 2:
             return np.zeros(1)
-        apart = np.empty(len(self.values))
-        for j, (own, std) in enumerate(zip(self.values, self.stds)):
-            others = np.delete(self.values, j)
-            error = SURE * np.hypot(std, np.median(np.delete(self.stds, j)))
-            apart[j] = max(abs(own - float(np.median(others))) - error, 0.0)
-        return apart / self.usual
+        return np.array([self._depart(j, np.delete(nodes, j)) for j in nodes]) / self.usual
+
+    def _depart(self, node: int, others: Array) -> float:
+        """K of a node off the course of the others (J − 1,) that suits it best."""
+        x = (self.nodes - self.nodes[node]) / max(float(np.ptp(self.nodes)), 1e-300)
+        nearest = int(others[np.argmin(np.abs(x[others]))])
+        courses = [(others == nearest).astype(float)]
+        for order in range(1, min(SMOOTHEST, len(others) - 1) + 1):
+            # the fitted course's value where the node is: its constant
+            courses.append(np.linalg.pinv(np.vander(x[others], order + 1, increasing=True))[0])
+        off = [
+            abs(self.values[node] - weight @ self.values[others])
+            - SURE * np.hypot(self.stds[node], np.linalg.norm(weight * self.stds[others]))
+            for weight in courses
+        ]
+        return float(max(min(off), 0.0))
 
     def is_plausible(self) -> bool:
         """Whether it is that of a resonator at every node."""
@@ -66,12 +85,16 @@ class ScaleFactors:
         return [check_scale_factor(float(k), float(s)) for k, s in zip(self.values, self.stds)]
 
     def find_odd_node(self) -> int | None:
-        """The node whose K is farther from the others' than a resonator makes it, or far outside of
-        what three others or more agree on; None where there is none."""
+        """The node whose K is farther off the others' course than a resonator makes it, or far off
+        one that three others or more agree on; None where there is none.
+
+        It is the one without which the others are smoothest: they depart from a course that it is
+        part of.
+        """
         departures = self.measure_departures()
-        worst = int(np.argmax(departures))
-        rest = self._without(worst).measure_departures()
-        alone = len(rest) > 2 and departures[worst] > STANDS_OUT * max(float(rest.max()), LEAST)
+        left = [float(self._without(j).measure_departures().max()) for j in range(len(self.values))]
+        worst = min(range(len(left)), key=lambda j: (left[j], -departures[j]))
+        alone = len(left) > 3 and departures[worst] > STANDS_OUT * max(left[worst], LEAST)
         return worst if departures[worst] > MOST_APART or alone else None
 
     def _without(self, node: int) -> ScaleFactors:
@@ -82,11 +105,13 @@ class ScaleFactors:
         odd, unit = self.find_odd_node(), "°C" if axis == "temperature" else "Hz"
         alike = ""
         if odd is not None:
-            others = np.median(self._without(odd).values)
+            others = self._without(odd).values
+            off = float(self.measure_departures()[odd])
             alike = (
-                f"the scale factor is {self.values[odd]:.5g} at {self.nodes[odd]:.4g} {unit} and"
-                f" {others:.5g} elsewhere, as no resonator has it; look at the scale and unit of"
-                " the rate logs"
+                f"the scale factor is {self.values[odd]:.5g} at {self.nodes[odd]:.4g} {unit},"
+                f" {off:.2g} of it off the course of the others ({others.min():.5g} to"
+                f" {others.max():.5g}), as no resonator has it; look at the scale and unit of the"
+                " rate logs"
             )
         return [
             min(self._check_each(), key=lambda check: check.passed),
