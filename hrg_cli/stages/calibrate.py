@@ -24,7 +24,11 @@ from .calibration.odd_run import OddRuns, find_odd_runs
 from .calibration.preparation import KnownRates, PreparedRuns, need_one_gyro, prepare
 from .calibration.prices import forecast_hour_more
 from .calibration.repeatability import say_unstable
-from .calibration.residual_checks import find_noisy_angles, find_stray_harmonics
+from .calibration.residual_checks import (
+    find_noisy_angles,
+    find_stray_harmonics,
+    say_harmonics_above,
+)
 from .calibration.summary import summarise as summarise
 from .calibration.thermal_memory import find_shown_memory, tell_one_way
 from .calibration.trials import (
@@ -252,8 +256,11 @@ def _judge(
 
 def _doubts_of(chosen: Chosen, strays: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the answer's residuals and its repeats between programmes speak against."""
+    # a harmonic that no check sees is too small to be worth a table's coefficients
+    above = say_harmonics_above(chosen.fitted) if chosen.answer.failed else []
     return [
         *list_failures(chosen.own_checks),
+        *above,
         *find_noisy_angles(chosen.fitted, chosen.answer.limits[0]),
         *(s["sentence"] for s in strays if s["significant"]),
         *find_shown_memory(chosen.thermal_memory),

@@ -17,6 +17,9 @@ Array = np.ndarray
 NOT_REPEATED = 0.01
 """Probability, over all harmonics together, below which a harmonic is said not to repeat."""
 LEAST_SWEEP_DEGC_S = 1e-4
+MOVED = 6.0
+"""Times the scatter of a thermometer's readings that the temperature must move within a piece to
+have a direction: the mean of a dwell's noise goes up or down as well."""
 SINGULAR = 1e-7
 """Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
@@ -35,16 +38,20 @@ def _label_programmes(
     out = np.full((len(paths), PIECES), "", object)
     for r, path in enumerate(paths):
         rate, piece = compute_sweep(path), number_pieces(len(path))
+        scatter = _measure_scatter(path.temperature_degc)
         for s in range(PIECES):
-            mean = float(np.mean(rate[piece == s])) if (piece == s).any() else 0.0
-            out[r, s] = (
-                "warming"
-                if mean > LEAST_SWEEP_DEGC_S
-                else "cooling"
-                if mean < -LEAST_SWEEP_DEGC_S
-                else ""
-            )
+            own = piece == s
+            mean = float(np.mean(rate[own])) if own.any() else 0.0
+            moved = abs(mean) * float(path.interval_s[own].sum()) > MOVED * scatter
+            if moved and abs(mean) > LEAST_SWEEP_DEGC_S:
+                out[r, s] = "warming" if mean > 0 else "cooling"
     return out, "warming and cooling"
+
+
+def _measure_scatter(degc: Array) -> float:
+    """σ of single readings (b,) about their course, by their second differences."""
+    bends = np.diff(degc, 2)
+    return float(np.sqrt(np.mean(bends**2) / 6)) if len(bends) else 0.0
 
 
 def compute_sweep(path: AnglePath) -> Array:

@@ -15,6 +15,9 @@ from ...fitting.tables.table_design import predict_turn
 Array = np.ndarray
 STRAY_PROBABILITY = 1e-6
 LARGEST_DAMPING = 0.02
+ABOVE = 4
+"""Harmonics of 2mθ beyond the band limit that are looked for: of a defect that falls slowly the
+next are the largest."""
 
 
 def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[str, Any]]:
@@ -54,31 +57,85 @@ def find_stray_harmonics(fitted: Fitted, solution: TableSolution) -> list[dict[s
     >>> [stray["significant"] for stray in find_stray_harmonics(fitted, fitted.solution)]
     [False, False]
     """
+    orders = (n * fitted.layout.mode_number for n in (1, 3))
+    return [
+        _table_of_stray(n, *size)
+        for n in orders
+        if (size := _measure_harmonic(fitted, solution, n)) is not None
+    ]
+
+
+def say_harmonics_above(fitted: Fitted) -> list[str]:
+    """What the residual holds of harmonics of 2mθ above the tables' band limit, and the option that
+    takes them in.
+
+    Parameters
+    ----------
+    fitted
+        The runs.
+
+    Returns
+    -------
+    list of str
+        One sentence, or none.
+
+    Examples
+    --------
+    Waves that drift as the tables say hold none:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
+    >>> from hrg_cli.fitting.tables.joint import fit
+    >>> from hrg_cli.fitting.tables.table_layout import TableLayout
+    >>> from hrg_cli.stages.calibration.residual_checks import say_harmonics_above
+    >>> random = np.random.default_rng(1)
+    >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 1, 0)
+    >>> paths = [draw_path(rate, random) for rate in (-0.2, -0.1, 0.1, 0.2)]
+    >>> say_harmonics_above(fit(paths, layout))
+    []
+    """
+    m2, limit = 2 * fitted.layout.mode_number, fitted.layout.drift_harmonics
+    held = {
+        k: size[0]
+        for k in range(limit + 1, limit + 1 + ABOVE)
+        if (size := _measure_harmonic(fitted, fitted.solution, k * m2)) is not None
+        and size[1] < STRAY_PROBABILITY
+    }
+    if not held:
+        return []
+    largest = max(held, key=lambda k: held[k])
+    return [
+        f"the residual holds the harmonic {m2 * largest}θ, of {held[largest]:.2g} rad/s, and the"
+        f" tables end at {m2 * limit}θ: take it in with --harmonics {max(held)}"
+    ]
+
+
+def _measure_harmonic(
+    fitted: Fitted, solution: TableSolution, n: int
+) -> tuple[float, float] | None:
+    """Amplitude [rad/s] of nθ in what the tables leave, and its probability by chance; None where
+    no wave turns far enough."""
     from scipy.stats import chi2
 
-    out = []
-    for order in (1, 3):
-        n = order * fitted.layout.mode_number
-        found = [
-            one
-            for r in range(len(fitted.paths))
-            if (one := _odd_harmonic(fitted, solution, r, n)) is not None
-        ]
-        if not found:
-            continue
-        total = sum(float(a @ np.linalg.solve(covariance, a)) for a, covariance in found)
-        # without what noise alone puts into a square
-        power = sum(float(a @ a - np.trace(covariance)) for a, covariance in found)
-        probability = float(chi2.sf(total, 2 * len(found)))
-        out.append(_table_of_stray(n, float(np.sqrt(max(power, 0.0) / len(found))), probability))
-    return out
+    found = [
+        one
+        for r in range(len(fitted.paths))
+        if (one := _harmonic_of_run(fitted, solution, r, n)) is not None
+    ]
+    if not found:
+        return None
+    total = sum(float(a @ np.linalg.solve(covariance, a)) for a, covariance in found)
+    # without what noise alone puts into a square
+    power = sum(float(a @ a - np.trace(covariance)) for a, covariance in found)
+    probability = float(chi2.sf(total, 2 * len(found)))
+    return float(np.sqrt(max(power, 0.0) / len(found))), probability
 
 
-def _odd_harmonic(
+def _harmonic_of_run(
     fitted: Fitted, solution: TableSolution, r: int, n: int
 ) -> tuple[Array, Array] | None:
     """Cosine and sine [rad/s] of nθ in run r's residual with their covariance (2, 2); None where
-    the wave turns too little to tell them from the even harmonics."""
+    the wave turns too little to tell them from the tables' harmonics."""
     layout, path = fitted.layout, fitted.paths[r]
     angle = path.average_neighbours(path.angle_rad)
     if np.ptp(angle) < 2 * np.pi / layout.mode_number:
