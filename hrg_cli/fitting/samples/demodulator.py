@@ -76,6 +76,8 @@ class Demodulator:
         self.bent, self.bent_by = 0, 0.0
         """Channel windows whose envelope moves too much for the window, and by how many standard
         deviations."""
+        self.still, self.still_since_s = 0, np.nan
+        """Windows so far in which both channels stand still, and the first of them."""
         self.unheld = 0.0
         """Rms that windows leave beside the noise and beside what their neighbours foretell, over
         the wave's, median over the looks; 0 where that is none."""
@@ -424,6 +426,20 @@ class Demodulator:
         offset = 2 * np.pi * (local_hz - self.reference_hz) * self.sign
         within = MotionWithin(self.window_s, self.moving, self.takes_bends_off, self.judged_s)
         return within.take_off(fits, fits.envelope * turn, turn, times, offset)
+
+    def note_still(self, times: Array, still: Array) -> None:
+        """Keep count of the windows in which both channels repeat one value.
+
+        Parameters
+        ----------
+        times
+            Centres of a chunk's own windows (n,), s.
+        still
+            Which of them are such (n,), bool.
+        """
+        if still.any():
+            self.still_since_s = times[still][0] if self.still == 0 else self.still_since_s
+            self.still += int(np.count_nonzero(still))
 
     def _count_bent(self, doubt: Array, std: Array) -> None:
         """Keep count of windows in which what the envelope's motion leaves uncorrected exceeds half

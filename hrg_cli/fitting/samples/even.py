@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...records import FLAG_CLIPPED, FLAG_NOT_FINITE
+from ...records import FLAG_CLIPPED, FLAG_GAP, FLAG_NOT_FINITE
 from .basis import WindowBasis, build_window_basis
 from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS, does_motion_count, estimate_curvatures, estimate_slopes
 from .harmonic_leaks import find_leaking_harmonics, list_harmonics
 from .looks import Look
 from .signal_rows import Rows
+from .stillness import count_least, find_still
 from .windows import Fits, count_pooled_rows, fit_even
 
 Array = np.ndarray
@@ -99,6 +100,10 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
             envelope, residual2 = _fit_channels(run, pieces, basis)
             flags = block["flags"][rows]
             flags[~np.isfinite(residual2[:, keep]).all(0)] |= FLAG_NOT_FINITE
+            still = _find_still_rows(pieces, count_least(rate / run.reference_hz))
+            envelope[:, still], residual2[:, still] = np.nan, np.nan
+            flags[still[keep]] |= FLAG_GAP
+            run.note_still(times[keep], still[keep])
             for k in np.flatnonzero(touching):
                 lowest, highest = run.survey.rails[k]
                 piece = pieces[k][keep]
@@ -149,6 +154,15 @@ def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> 
             envelope[k, bad] = np.nan
             residual2[k, bad] = np.nan
     return envelope, residual2
+
+
+def _find_still_rows(pieces: Sequence[Array], least: int) -> Array:
+    """Rows (n,) of which both channels repeat one value for a while."""
+    rows = np.zeros(len(pieces[0]), bool)
+    samples = pieces[0].shape[1]
+    for first, last in find_still(pieces[0].ravel(), pieces[1].ravel(), least) // samples:
+        rows[first : last + 1] = True
+    return rows
 
 
 def _does_touch(raw: Array, rail: tuple[float, float]) -> bool:

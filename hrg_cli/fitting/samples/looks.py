@@ -12,6 +12,7 @@ from ...errors import HrgError
 from ...records import Recording
 from ...records.recording import ONE_CHANNEL
 from .least_count import count_values, find_least_count
+from .stillness import FEWEST, find_still
 
 Array = np.ndarray
 
@@ -28,6 +29,10 @@ APART = 0.1
 """Part of the time that a look's samples take, were they together, from which a step between two is
 a gap: beyond it the oscillation's peak has others beside it, one a turn over the gap, that noise
 takes for it."""
+
+STILL = 8
+"""Part of a look in which both channels repeat one value from which it is bad: before the frequency
+is known nothing else tells how long an oscillation may."""
 
 MOST_PATCHED = 0.2
 """Part of a look's values that may be bad for it to serve with their mean in their place."""
@@ -89,6 +94,8 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
     for a in dict.fromkeys(places.tolist()):
         look = _take_look(recording, a, a + length)
         bad = ~np.isfinite(look.y)
+        for first, last in find_still(look.raw[0], look.raw[1], max(FEWEST, length // STILL)):
+            bad[:, first : last + 1] = True
         if not bad.any():
             looks.append(look)
             continue

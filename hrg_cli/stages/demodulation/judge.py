@@ -103,6 +103,14 @@ class StreamJudge:
             (suspect if clipped > CLIPPED_SHARE * self.rows else notes).append(
                 f"{clipped} {of} {_hold(clipped)} clipped samples"
             )
+        still = self.run.still
+        if still:
+            (suspect if still > GAPS_SHARE * self.rows else notes).append(
+                f"both channels repeat one value in {still} {of}, first at"
+                f" {self.run.still_since_s:.4g} s: no wave stands still, the recorder did; the"
+                " windows are left out as a gap"
+            )
+            gaps -= still
         if gaps:
             (suspect if gaps > GAPS_SHARE * self.rows else notes).append(
                 f"{gaps} {of} {'lies' if gaps == 1 else 'lie'} in or beside gaps of the"
