@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import HrgError
+from .serial_days import are_days, describe_days
 
 GROUP = 256
 
@@ -23,6 +24,7 @@ class TimeJudge:
 
     path: str
     where: object
+    unit_named: bool = True
     first: float = np.nan
     last: float = np.nan
     rows: int = 0
@@ -70,6 +72,9 @@ class TimeJudge:
         return str(self.where(self.rows + int(index)))  # type: ignore[operator]
 
     def _complain(self, row: int, step: float, count: int) -> None:
+        if step == 0 and not self.unit_named and are_days(self.first):
+            told = describe_days(self.first, f"{self._row(row)} repeats the time before")
+            raise HrgError(f"{self.path}: {told}")
         if step == 0:
             raise HrgError(
                 f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such"
@@ -81,13 +86,31 @@ class TimeJudge:
             " from row to row: sort the log, name another time column, or give sample_rate_hz"
         )
 
-    def find_even_step(self) -> tuple[float, float]:
-        """Step of the best even grid through the times and the largest departure from it,
-        seconds."""
+    @property
+    def mean_step(self) -> float:
+        """Seconds a row from the first time to the last."""
+        return (self.last - self.first) / (self.rows - 1)
+
+    def find_even_step(self, rounding: float = 0.0) -> tuple[float, float]:
+        """Step of the best even grid through times of this rounding and the largest departure from
+        it, seconds."""
         if self.rows < 2:
             return np.nan, np.inf
-        step = (self.last - self.first) / (self.rows - 1)
-        return step, self.measure_departure(step)
+        step = self.mean_step
+        departure = self.measure_departure(step)
+        if not 0.5 * rounding < departure <= 1.5 * rounding:
+            return step, departure
+        from scipy.optimize import minimize_scalar
+
+        # the ends are rounded too: the departure is convex in the step, its least is the grid's
+        near = 2 * rounding / (self.rows - 1)
+        best = minimize_scalar(
+            self.measure_departure,
+            bounds=(step - near, step + near),
+            method="bounded",
+            options={"xatol": 1e-4 * near},
+        )
+        return (best.x, best.fun) if best.fun < departure else (step, departure)
 
     def measure_departure(self, step: float) -> float:
         """Largest departure [s] of the times from an even grid of this step, its constant fitted

@@ -18,7 +18,8 @@ SamplingTolerance = Annotated[
 TimeUnits = Annotated[
     str | None,
     Field(
-        description="unit of the times: s, ms, us, ns, min or h; the title's, or s, where not given"
+        description="unit of the times: s, ms, us, ns, min, h or d; the title's, or s, where not"
+        " given"
     ),
 ]
 ClockHz = Annotated[

@@ -13,6 +13,7 @@ from .even_times import TimeJudge
 from .log import Log
 from .log_columns import Roles, list_columns
 from .readers import guard_reading
+from .serial_days import are_days, describe_days, doubt_seconds
 from .unit_spellings import find_time_factor
 
 
@@ -98,29 +99,48 @@ def get_timing(
     factor = _seconds_per_unit(log, roles.time, path, time_units, clock_hz)
     if given is not None:
         return _given(log, roles, path, factor, given)
-    single_precision = False
-    judge = TimeJudge(str(path), log.where)
+    clocked = channel.kind == "clock" or clock_hz or log.clock_hz
+    named = bool(time_units or channel.units or clocked)
+    judge, spacing = _judge_times(log, roles.time, path, factor, named)
+    rounding = log.quantum(roles.time) * (1.0 if channel.kind == "clock" else factor)
+    # digits beyond those of a double say nothing: it tells a spreadsheet's days to 6e-7 s
+    rounding = max(rounding, spacing)
+    step, departure = judge.find_even_step(min(rounding, 0.5 * judge.mean_step))
+    reasons = () if named else _doubt_seconds(path, judge.first, 1 / step)
+    own = 2 * np.spacing(abs(judge.last))
+    allowed = max(tolerance * step, min(rounding, 0.5 * step) * 0.51 + own, 2 * own)
+    if departure <= allowed:
+        rate = float(_nice(1 / step, step, judge.rows, rounding))
+        return Timing(rate, factor, judge.first, reasons)
+    return Timing(None, factor, judge.first, reasons)
+
+
+def _judge_times(
+    log: Log, column: int, path: Path, factor: float, named: bool
+) -> tuple[TimeJudge, float]:
+    """All times, judged, and the spacing of the floating-point numbers that hold them [s]."""
+    scale, kind = log.channels[column].scale_factor, np.dtype(float)
+    judge = TimeJudge(str(path), log.where, named)
     with guard_reading(path, log.format):
-        for (times,) in log.read((roles.time,)):
-            single_precision |= times.dtype == np.float32
-            judge.add(np.asarray(times, float) * factor * channel.scale_factor)
+        for (times,) in log.read((column,)):
+            kind = times.dtype if times.dtype == np.float32 else kind
+            judge.add(np.asarray(times, float) * factor * scale)
     if judge.rows == 0:
         raise HrgError(f"{path}: holds no rows of numbers; record again")
     if judge.rows == 1:
         raise HrgError(
             f"{path}: holds one sample only; a sampling rate cannot be found: give sample_rate_hz"
         )
-    rounding = log.quantum(roles.time) * (1.0 if channel.kind == "clock" else factor)
-    if single_precision:
-        largest = max(abs(judge.first), abs(judge.last))
-        rounding = max(rounding, float(np.spacing(np.float32(largest))))
-    step, departure = judge.find_even_step()
-    allowed = max(
-        tolerance * step, min(rounding, 0.5 * step) * 0.51, 4 * np.spacing(abs(judge.last))
-    )
-    if departure <= allowed:
-        return Timing(float(_nice(1 / step, step, judge.rows, rounding)), factor, judge.first)
-    return Timing(None, factor, judge.first)
+    largest = max(abs(judge.first), abs(judge.last))
+    return judge, float(np.spacing(kind.type(largest)))
+
+
+def _doubt_seconds(path: Path, first: float, rate_hz: float) -> tuple[str, ...]:
+    """What speaks against times without a unit being seconds. HrgError: they are days."""
+    doubts = tuple(doubt_seconds(rate_hz))
+    if doubts and are_days(first):
+        raise HrgError(f"{path}: {describe_days(first, f'a rate of {rate_hz:.4g} Hz')}")
+    return doubts
 
 
 def doubt_rate(timing: Timing, nominal_frequency_hz: float | None, readout: str) -> list[str]:
@@ -205,6 +225,7 @@ def _given(log: Log, roles: Roles, path: Path, factor: float, given: float) -> T
         return Timing(given, factor, first * factor)
     reason = (
         f"the log's times span {span:.6g} s, {rows} samples at the given {given:g} Hz span"
-        f" {expected:.6g} s: samples are missing or the rate is wrong"
+        f" {expected:.6g} s: samples are missing, the rate is wrong, or the times are in another"
+        " unit (time_units)"
     )
     return Timing(given, factor, first * factor, (reason,))

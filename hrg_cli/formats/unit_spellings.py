@@ -17,6 +17,7 @@ TIME = {
     1e-9: ("ns", "nsec", "nanosecond", "nanoseconds"),
     60.0: ("min", "minute", "minutes"),
     3600.0: ("h", "hr", "hour", "hours"),
+    86_400.0: ("d", "day", "days", "tage"),
 }
 RATE = {
     1.0: ("rad/s", "rad s-1", "rad s^-1", "rad/sec", "rad_s", "rads"),
@@ -104,7 +105,8 @@ _SUFFIXES = {
     for joint in ("_", "_per_", "/")
     if len(spelling) > 1 and re.fullmatch(r"[a-z°][a-z°/ ]+", spelling)
 } | {
-    unit: unit for unit in ("k", "s", "ms", "us", "ns", "min", "hz", "v", "mv", *LEVELS[:3], "dbfs")
+    unit: unit
+    for unit in ("k", "s", "ms", "us", "ns", "min", "d", "hz", "v", "mv", *LEVELS[:3], "dbfs")
 }
 """Units as they end a title: `rate_deg_per_s`, `rate_deg/s`, `rate_rpm`."""
 _SUFFIX = re.compile(
@@ -289,6 +291,7 @@ def split_name(name: str) -> tuple[str, str]:
         "s": ("time", "t", "elapsed", "timestamp"),
         "k": ("temp", "temperature"),
         "min": ("time", "t"),
+        "d": ("time", "t", "elapsed", "timestamp"),
     }
     if found and found[1].lower() in likely.get(found[2].lower(), (found[1].lower(),)):
         unit = _SUFFIXES[found[2].lower()]

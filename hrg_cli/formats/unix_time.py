@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .clock import DAY
 from .log import Log
 from .log_columns import Roles, TimingTold
 from .readers import guard_reading
@@ -95,7 +96,9 @@ def recognise_unix_time(log: Log, roles: Roles, path: Path, told: TimingTold) ->
             continue  # unit and start are known
         first = _read_first(log, index, path) * channel.scale_factor
         unit = told.units or channel.units or find_unix_unit(first)
-        if not is_time(unit) or not _is_of_a_recording(first * find_time_factor(unit)):
+        if not is_time(unit) or find_time_factor(unit) >= DAY:
+            continue  # days count from 1900 more often than from 1970
+        if not _is_of_a_recording(first * find_time_factor(unit)):
             continue
         if unit != "s":  # which a column without a unit is read in anyway
             channels[index] = dataclasses.replace(channel, units=channel.units or unit)
