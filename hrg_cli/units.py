@@ -21,6 +21,8 @@ DEGREE_PER_HOUR = DEGREE / 3600
 """One °/h in rad/s."""
 EARTH_RATE_RAD_S = 7.292115e-5
 """Rotation of the Earth against the stars, rad/s (15.041 °/h)."""
+ZERO_KELVIN_DEGC = -273.15
+"""Below it there is no temperature."""
 KELVIN_DEGC = 150.0
 """Temperature that no gyro has in °C and every gyro has in K."""
 RATE_UNITS = {"°/s": DEGREE, "°/h": DEGREE_PER_HOUR, "mrad/s": 1e-3, "1/min": 2 * math.pi / 60}

@@ -37,6 +37,7 @@ class EnvelopeRows:
             *([] if self.roles.time is None else [self.roles.time]),
         ]
         count, row = len(self.signal.columns), 0
+        self.slow.begin()
         with guard_reading(self.path, self.log.format):
             for columns in self.log.read(wanted):
                 n = len(columns[0])
@@ -47,8 +48,9 @@ class EnvelopeRows:
                     times = np.asarray(columns[-1], float) * scale - self.timing.first
                 else:
                     times = np.arange(row, row + n) / (self.timing.sample_rate_hz or 1.0)
+                columns_beside = columns[count : count + len(self.slow.indexes)]
+                slow = self.slow.convert(columns_beside, row + np.arange(n))
                 row += n
-                slow = self.slow.convert(columns[count : count + len(self.slow.indexes)])
                 yield times, self.signal.compute_envelopes(columns[:count]), slow
 
     def read_between(

@@ -15,6 +15,7 @@ from .envelope_rows import EnvelopeRows
 from .envelope_windows import WindowPlan, average_windows
 from .magnitudes import find_amplitudes
 from .row_noise import estimate_mean_turn
+from .slow import mean_groups
 from .taken import GAP_STEPS, Taken
 
 UNKNOWN_PHASE = np.pi / np.sqrt(3)
@@ -174,7 +175,7 @@ def _windows(
     fields = dict(
         zip(
             source.slow.list_fields(),
-            (values[: rows.size].reshape(rows.shape).mean(1) for values in slow),
+            (mean_groups(values[: rows.size], plan.rows) for values in slow),
             strict=True,
         )
     )

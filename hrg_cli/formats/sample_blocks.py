@@ -89,7 +89,7 @@ def stream_blocks(
             _count_not_finite(c, s, row, taken)
             slow_columns = columns[fast : fast + len(slow.indexes)]
             auxiliary = slow.make_block(
-                path, timing, times, slow_columns, first, following is None, shift
+                path, timing, times, slow_columns, first, following is None, shift, row
             )
             block = blank.replace(
                 c=c, s=s, start_time=shift_time(blank.start_time, shift), **auxiliary

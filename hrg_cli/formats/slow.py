@@ -12,6 +12,7 @@ from ..units import KELVIN_DEGC
 from .column_units import find_column_unit
 from .log import Array, Log
 from .log_columns import Roles
+from .no_values import NoValues
 from .readers import guard_reading
 from .run_heading import UnitsTold
 from .timing import Timing
@@ -57,7 +58,7 @@ class SlowLog:
         self.scales: dict[str, tuple[float, float]] = {}
         self.unnamed = False
         """Whether nobody says in what unit the temperature is."""
-        self.warmth, self.warm_rows = 0.0, 0
+        self.begin()
         for role, index in roles.list_auxiliary().items():
             channel = log.channels[index]
             factor, offset = 1.0, 0.0
@@ -90,9 +91,10 @@ class SlowLog:
         first: bool,
         last: bool,
         shift_s: float = 0.0,
+        row: int = 0,
     ) -> dict[str, Array]:
         """Auxiliary rows of one block: field name -> values; `shift_s` is the log's time that
-        became t = 0."""
+        became t = 0, `row` the log's row of the first."""
         if self.own:
             return self._with_constants(
                 self._own_rows(path, timing, shift_s)
@@ -104,14 +106,21 @@ class SlowLog:
                 [times[-1]] if last and not (first and len(times) == 1) else []
             )
             return self._with_constants([np.array(rows, float)]) if self.constants else {}
-        stacked = [times, *self.convert(columns)]
+        stacked = [times, *self.convert(columns, row + np.arange(len(times)))]
         if self.left is not None:
             stacked = [np.concatenate(pair) for pair in zip(self.left, stacked)]
         whole = len(stacked[0]) if last else len(stacked[0]) // self.every * self.every
         self.left = [values[whole:] for values in stacked]
-        grouped = [_means(values[:whole], self.every) for values in stacked]
+        grouped = [mean_groups(values[:whole], self.every) for values in stacked]
         seen = ~np.all([np.isnan(values) for values in grouped[1:]], axis=0)
         return self._with_constants([values[seen] for values in grouped])
+
+    def begin(self) -> None:
+        """Forget what was seen of the rows: they are read from the first one on."""
+        self.warmth, self.warm_rows = 0.0, 0
+        self.no_values = {
+            role: NoValues(role, self.log.where) for role in self.roles.list_auxiliary()
+        }
 
     def list_fields(self) -> list[str]:
         """Fields of a record that the columns fill, in their order."""
@@ -121,11 +130,12 @@ class SlowLog:
         """Fields that were given as constants."""
         return {FIELD[role]: value for role, value in self.constants.items()}
 
-    def convert(self, columns: list[Array]) -> list[Array]:
-        """Slow columns in SI units."""
+    def convert(self, columns: list[Array], rows: Array) -> list[Array]:
+        """Slow columns in SI units, NaN where a number is no value; `rows` are those of the
+        log."""
         found = [
-            np.asarray(values, float) * factor + offset
-            for values, (factor, offset) in zip(columns, self.scales.values())
+            self.no_values[role].take(values, np.asarray(values, float) * factor + offset, rows)
+            for values, (role, (factor, offset)) in zip(columns, self.scales.items())
         ]
         if self.unnamed:
             warm = found[list(self.scales).index("temperature")]
@@ -134,12 +144,17 @@ class SlowLog:
         return found
 
     def judge(self) -> list[tuple[Status, str]]:
-        """After the last block: a temperature of no unit that no gyro has in °C."""
+        """After the last block: numbers that are no values, and a temperature of no unit that no
+        gyro has in °C."""
+        none = [reason for column in self.no_values.values() for reason in column.judge()]
         mean = self.warmth / self.warm_rows if self.warm_rows else 0.0
         if mean < KELVIN_DEGC:
-            return []
+            return none
         told = f"its temperature column names no unit and holds {mean:.4g} on the average, no"
-        return [("suspect", f'{told} temperature of a gyro in °C; give temperature_units = "K"')]
+        return [
+            *none,
+            ("suspect", f'{told} temperature of a gyro in °C; give temperature_units = "K"'),
+        ]
 
     def _with_constants(self, stacked: list[Array]) -> dict[str, Array]:
         found = {
@@ -175,7 +190,7 @@ class SlowLog:
                 f"{path}: the times of its slow columns do not rise at their row {fallen}; sort the"
                 " log or leave the columns out"
             )
-        return [times - shift_s, *self.convert(joined)]
+        return [times - shift_s, *self.convert(joined, row)]
 
     def _filled_rows(
         self, path: Path, times: Array, values: list[Array]
@@ -193,8 +208,28 @@ class SlowLog:
         return row, times[row], [column[row] for column in values]
 
 
-def _means(values: Array, every: int) -> Array:
-    """Means of groups of rows without their NaN, the last group perhaps shorter."""
+def mean_groups(values: Array, every: int) -> Array:
+    """Means of groups of rows without their NaN.
+
+    Parameters
+    ----------
+    values
+        Rows (n,).
+    every
+        Rows of a group; the last one may be shorter.
+
+    Returns
+    -------
+    ndarray
+        One value a group; NaN where a group holds nothing else.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.formats.slow import mean_groups
+    >>> mean_groups(np.array([1.0, np.nan, 3.0, 5.0]), 2).tolist()
+    [1.0, 4.0]
+    """
     if every == 1 or len(values) == 0:
         return values
     starts = np.arange(0, len(values), every)

@@ -14,6 +14,7 @@ from ..records import Status
 from .left_columns import list_left_columns
 from .left_out import LeftOut
 from .log import Array, Channel, Log
+from .unit_spellings import OF_ROLE, are_same_unit
 
 FEW_ROWS, FEW_SHARE = 3, 0.01
 """Rows left out that are told only: an instrument's first ones. More make the recording suspect."""
@@ -138,6 +139,7 @@ class Taken:
     def judge(self) -> list[tuple[Status, str]]:
         """Reasons, each with how bad it is."""
         found = [*self._judge_lost_rows(), *self._tell_closing(), *self._judge_not_finite()]
+        found += self._tell_other_units()
         if self.gaps:
             found.append(
                 (
@@ -175,6 +177,22 @@ class Taken:
             ("valid", f"not taken: {part.describe()}")
             for part in self.log.left_out
             if not part.samples
+        ]
+
+    def _tell_other_units(self) -> list[tuple[Status, str]]:
+        """Units that were told of columns whose titles name others."""
+        told = {role: self.units[role] for role in OF_ROLE if role in self.units}
+        return [
+            (
+                "valid",
+                f"its column {index + 1} ({self.log.channels[index].name}), taken as the {role},"
+                f" is in {own!r} by its own title and was read in {told[role]!r} as"
+                f" {role}_units says",
+            )
+            for role, index in self.columns.items()
+            if role in told
+            and (own := self.log.channels[index].units)
+            and not are_same_unit(OF_ROLE[role][0], own, told[role])
         ]
 
     def _judge_not_finite(self) -> list[tuple[Status, str]]:

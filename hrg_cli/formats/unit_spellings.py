@@ -255,6 +255,30 @@ def is_of(table: Mapping[Any, tuple[str, ...]], unit: str) -> bool:
     return any(_spelled(unit) in spellings for spellings in table.values())
 
 
+def are_same_unit(table: Mapping[Any, tuple[str, ...]], unit: str, other: str) -> bool:
+    """Whether two spellings are of one unit.
+
+    Parameters
+    ----------
+    table
+        As in `is_of`.
+    unit, other
+        Any spellings.
+
+    Returns
+    -------
+    bool
+        False also where either is not known.
+
+    Examples
+    --------
+    >>> from hrg_cli.formats.unit_spellings import RATE, are_same_unit
+    >>> are_same_unit(RATE, "dps", "°/s"), are_same_unit(RATE, "dps", "rad/s")
+    (True, False)
+    """
+    return any({_spelled(unit), _spelled(other)} <= set(spelled) for spelled in table.values())
+
+
 def split_name(name: str) -> tuple[str, str]:
     """A column's name and its unit, as laboratories write both into one title.
 

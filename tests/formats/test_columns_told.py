@@ -238,3 +238,13 @@ def test_a_title_that_is_known_goes_before_other_columns_of_its_unit(tmp_path):
     made = collect(import_log(log(tmp_path, {"Soll (°/s)": 20.0, "Drehrate (°/s)": 90.0})))
     np.testing.assert_allclose(made.rate_rad_s, np.pi / 2, rtol=1e-9)
     assert made.status == "valid"
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate", "said"),
+    [("rad/s", 2.0, 1), ("dps", np.radians(2.0), 0), (None, np.radians(2.0), 0)],
+)
+def test_a_unit_told_against_a_title_is_said(tmp_path, unit, rate, said):
+    found = collect(import_log(log(tmp_path, {"table rate (deg/s)": 2.0}), rate_units=unit))
+    assert found.rate_rad_s[0] == pytest.approx(rate) and found.status == "valid"
+    assert sum("'deg/s' by its own title" in reason for reason in found.status_reasons) == said

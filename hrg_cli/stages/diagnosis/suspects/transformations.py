@@ -10,9 +10,8 @@ import numpy as np
 
 from ....fitting.envelopes.envelope_runs import compute_envelopes, replace_envelopes
 from ....records import Array, Wave
+from ....units import ZERO_KELVIN_DEGC
 from ...estimation.late_rate import read_log_later
-
-ZERO_KELVIN_DEGC = -273.15
 
 
 def swap_channels(wave: Wave) -> Wave:
