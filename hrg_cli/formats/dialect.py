@@ -13,6 +13,7 @@ from pathlib import Path
 from ..errors import HrgError
 from .clock import find_clock_kind
 from .decimal_commas import need_one_meaning
+from .grouped_numbers import is_grouped
 from .left_out import FEWEST_OTHERWISE, LeftOut, find_unread_rows, group_lines
 from .unit_spellings import is_unit, split_name
 
@@ -138,6 +139,8 @@ def find_cell_kind(cell: str, decimal: str) -> str:
     """
     if not cell:
         return ""
+    if is_grouped(cell, decimal):
+        return "number"
     text = cell
     if decimal == ",":
         if "." in cell or cell.endswith(",") or cell.count(",") > 1:

@@ -43,6 +43,8 @@ class Channel:
     """Its own rate, where a slow channel has one."""
     role: str = ""
     """What it is, where the format itself tells."""
+    example: str = ""
+    """Its first cell, of a log of text."""
 
 
 @dataclass(frozen=True)

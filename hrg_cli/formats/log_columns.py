@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..errors import HrgError, name_some
+from .grouped_numbers import describe_unread
 from .log import Channel, Log
 from .unit_spellings import is_rate, is_temperature, is_time
 
@@ -340,7 +341,7 @@ def _fill_channels(
     asked_for = " and which ".join(m.upper() for m in missing)
     raise HrgError(
         f"{path}: which column is channel {asked_for}? Its columns are {list_columns(log)}; name"
-        " them with c and s"
+        f" them with c and s{_unread(log)}"
     )
 
 
@@ -399,9 +400,20 @@ def find_column_number(log: Log, path: str, role: str, wanted: str | int) -> int
         raise HrgError(
             f"{path}: {role} = {wanted}: that column holds"
             f" {'times' if kind == 'clock' else 'text'}, numbers were expected; its columns are"
-            f" {list_columns(log)}"
+            f" {list_columns(log)}{_unread(log, index)}"
         )
     return index
+
+
+def _unread(log: Log, *chosen: int) -> str:
+    """That columns of text (of the chosen ones) hold digits, and what to do; mostly nothing."""
+    of_text = [
+        log.channels[i]
+        for i in chosen or range(len(log.channels))
+        if log.channels[i].kind == "text"
+    ]
+    told = (describe_unread(channel.name, channel.example) for channel in of_text)
+    return next(filter(None, told), "")
 
 
 def _list_alike(log: Log, wanted: str) -> list[int]:

@@ -21,6 +21,7 @@ from .clock import Clock, find_floating_quantum, find_quantum
 from .closing_lines import count_closing_lines, describe_closing
 from .cut_row import describe_cut, is_cut_short
 from .dialect import HEAD_BYTES, Dialect, find_cell_kind, is_text, sniff, split_line
+from .grouped_numbers import HOW, may_be_grouped, parse_grouped, ungroup
 from .instruments import find_layout
 from .log import Array, Blocks, Channel, Log, Reader
 from .unpacked import open_unpacked, read_ends
@@ -40,13 +41,20 @@ def _open_text(path: Path, separator: str | None = None, decimal: str | None = N
     """The log of a text file. HrgError: no numbers in it, or a line longer than any log has."""
     head, tail, size = read_ends(path, HEAD_BYTES, TAIL_BYTES)
     dialect = sniff(path, head, separator, decimal)
+    _need_one_decimal(path, dialect)
     last = _last_lines(head, tail, dialect)
     dialect = _end_before_closing(path, dialect, last)
     if dialect.end_line is None and not tail.endswith((b"\n", b"\r", b"\n\0", b"\r\0")):
         dialect = _end_before_cut(path, dialect, last)
     rising = _rising(dialect)
     channels = tuple(
-        Channel(name, unit, kind={"date": "clock"}.get(kind, kind), rising=rising[i])  # type: ignore[arg-type]
+        Channel(
+            name,
+            unit,
+            kind={"date": "clock"}.get(kind, kind),  # type: ignore[arg-type]
+            rising=rising[i],
+            example=dialect.sample[0][i] if dialect.sample else "",
+        )
         for i, (name, unit, kind) in enumerate(zip(dialect.names, dialect.units, dialect.kinds))
     )
     layout = find_layout(path, dialect, channels)
@@ -73,6 +81,22 @@ def _open_text(path: Path, separator: str | None = None, decimal: str | None = N
         reasons=layout.reasons,
         left_out=dialect.left_out,
     )
+
+
+def _need_one_decimal(path: Path, dialect: Dialect) -> None:
+    """HrgError: a column of text is of numbers with the other decimal sign, so that the marks of
+    all others may be of thousands. A label is the same in every row."""
+    other = {".": ",", ",": "."}[dialect.decimal]
+    for index, kind in enumerate(dialect.kinds):
+        cells = {row[index] for row in dialect.sample}
+        if kind != "text" or len(cells) < 2:
+            continue
+        if all(find_cell_kind(cell, other) == "number" for cell in cells):
+            raise HrgError(
+                f"{path}: {dialect.sample[0][index]!r} in column {index + 1}"
+                f" ({dialect.names[index]}) has another decimal sign than the numbers beside it;"
+                f" {HOW}, all in one way"
+            )
 
 
 def _last_lines(head: bytes, tail: bytes, dialect: Dialect) -> list[str]:
@@ -133,7 +157,7 @@ def _rising(dialect: Dialect) -> list[bool]:
         if kind == "number":
             for row in dialect.sample:
                 try:
-                    values.append(float(row[index].replace(",", ".")))
+                    values.append(float(ungroup(row[index], dialect.decimal)))
                 except ValueError:
                     values.append(np.nan)
         rising.append(
@@ -143,9 +167,9 @@ def _rising(dialect: Dialect) -> list[bool]:
 
 
 def _quantum(dialect: Dialect, last: list[str], index: int) -> float:
-    texts = [row[index] for row in dialect.sample]
+    texts = [ungroup(row[index], dialect.decimal) for row in dialect.sample]
     texts += [
-        cells[index]
+        ungroup(cells[index], dialect.decimal)
         for line in last
         if len(cells := split_line(line, dialect.separator)) == len(dialect.kinds)
     ]
@@ -278,11 +302,31 @@ def _parsed(path: Path, dialect: Dialect, indexes: tuple[int, ...], number: int,
     except pd.errors.EmptyDataError:
         return None
     except (ValueError, OverflowError, pd.errors.ParserError) as error:
+        grouped = _parsed_grouped(options, numbers, texts, block)
+        if grouped is not None:
+            return grouped
         _name_bad_cell(path, dialect, indexes, number, block)
         raise HrgError(
             f"{path}: after line {number + 1}: cannot be read as columns of numbers"
             f" ({str(error)[:100]})"
         ) from error
+
+
+def _parsed_grouped(options: dict, numbers: dict, texts: dict, block: bytes):  # type: ignore[no-untyped-def, type-arg]
+    """The block with numbers that have thousands separators; None where it holds others, too."""
+    import pandas as pd
+
+    try:
+        kinds = dict.fromkeys(numbers, "str") | texts
+        frame = pd.read_csv(io.BytesIO(block), dtype=kinds, **options)
+    except (ValueError, OverflowError, pd.errors.ParserError):
+        return None
+    for index in numbers:
+        values = parse_grouped(frame[index], options["decimal"])
+        if values is None:
+            return None
+        frame[index] = values
+    return frame
 
 
 def _name_bad_cell(
@@ -299,10 +343,12 @@ def _name_bad_cell(
                 and dialect.kinds[index] == "number"
                 and find_cell_kind(cells[index], dialect.decimal) not in ("number", "")
             ):
+                two = may_be_grouped(cells[index])
+                found = "may be with thousands separators or without" if two else "is not a number"
                 raise HrgError(
                     f"{path}: line {number + row + 1}: {cells[index][:40]!r} in column {index + 1}"
-                    f" ({dialect.names[index]}) is not a number; correct the line, or give"
-                    " separator and decimal"
+                    f" ({dialect.names[index]}) {found};"
+                    f" {HOW if two else 'correct the line'}, or give separator and decimal"
                 )
 
 
