@@ -179,15 +179,10 @@ def _remarks_on_log(report: Mapping[str, Any]) -> list[tuple[str, Any]]:
     if cut:
         facts.append(("part taken, s of the log", f"{cut['first_s']:.6g} to {cut['last_s']:.6g}"))
     for part in report.get("left_out") or []:
-        facts.append(
-            (
-                "left out",
-                (
-                    f"lines {part['first_line']} to {part['last_line']} ({part['rows']} rows):"
-                    f" {part['why']}"
-                ),
-            )
-        )
+        lines = f"lines {part['first_line']} to {part['last_line']} ({part['rows']} rows)"
+        if part["first_line"] == part["last_line"]:
+            lines = f"line {part['first_line']}"
+        facts.append(("left out", f"{lines}: {part['why']}"))
     return facts
 
 

@@ -22,6 +22,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Periods, open_single
+from .doubled_rows import time_rows
 from .envelope_rows import EnvelopeRows
 from .envelope_signal import EnvelopeSignal
 from .envelope_stream import stream_windows
@@ -53,7 +54,6 @@ from .readers import open_log
 from .run_heading import RunHeading, UnitsTold
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import get_timing
 from .unix_time import recognise_unix_time
 
 
@@ -192,7 +192,8 @@ def import_envelope(
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None, time_units)
     roles = _find_beside(log, path, signal, time, temperature, rate, timed)
     log = recognise_unix_time(log, roles, path, timed)
-    timing = get_timing(log, roles, path, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    told_times = (time_units, clock_hz, sample_rate_hz, sampling_tolerance)
+    log, timing = time_rows(log, roles, path, *told_times)
     told = UnitsTold(time_units, rate_units, temperature_units)
     slow = SlowLog(
         log,

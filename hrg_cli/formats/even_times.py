@@ -12,6 +12,10 @@ from .serial_days import are_days, describe_days
 GROUP = 256
 
 
+class RepeatedTimeError(HrgError):
+    """A row has the time of the row before."""
+
+
 @dataclass
 class TimeJudge:
     """Collects blocks of times: they must rise from row to row; keeps their departure from an even
@@ -76,10 +80,10 @@ class TimeJudge:
             told = describe_days(self.first, f"{self._row(row)} repeats the time before")
             raise HrgError(f"{self.path}: {told}")
         if step == 0:
-            raise HrgError(
-                f"{self.path}: {self._row(row)} repeats the time of the row before ({count} such"
-                " rows nearby), times must rise; give sample_rate_hz where they are rounded,"
-                " remove doubled rows"
+            raise RepeatedTimeError(
+                f"{self.path}: {self._row(row)} repeats the time of the row before ({count}"
+                " nearby), times must rise; give sample_rate_hz"
+                " if they are rounded, or keep one row of each time"
             )
         raise HrgError(
             f"{self.path}: {self._row(row)}: the time goes back by {-step:.6g} s; times must rise"

@@ -9,6 +9,7 @@ auxiliary log, averaged over groups of rows where the log is long, so that it st
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,6 +19,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Recording, open_single
+from .doubled_rows import time_rows
 from .log_columns import TimingTold
 from .log_options import (
     ClockHz,
@@ -45,7 +47,7 @@ from .run_heading import RunHeading, UnitsTold
 from .sample_blocks import stream_blocks
 from .slow import SlowLog
 from .taken import Taken, check_range
-from .timing import doubt_rate, get_timing
+from .timing import doubt_rate
 
 
 def import_log(
@@ -194,8 +196,7 @@ def import_log(
     (10000, 'V', [1.0, 0.8, 0.31])
     """
     check_range(from_s, to_s)
-    if readout == "carrier" and carrier_hz is None:
-        raise HrgError('readout is "carrier": give carrier_hz too')
+    _check_carrier(readout, carrier_hz)
     asked: dict[str, str | int | None] = {
         "time": time,
         "c": c,
@@ -208,10 +209,11 @@ def import_log(
     }
     timed = TimingTold(sample_rate_hz is not None, clock_hz is not None, time_units)
     opened = open_channels(Path(path), s_file, asked, format, separator, decimal, timed)
-    log, roles, where = opened.log, opened.roles, opened.files[0]
+    roles, where = opened.roles, opened.files[0]
+    grid = (clock_hz, sample_rate_hz, sampling_tolerance)
+    log, timing = time_rows(opened.log, roles, where, time_units, *grid)
     unit = find_channel_unit(log, roles, units, str(where))
     told = UnitsTold(time_units, rate_units, temperature_units)
-    timing = get_timing(log, roles, where, time_units, clock_hz, sample_rate_hz, sampling_tolerance)
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
     blank = Recording(
         c=np.empty(0),
@@ -236,4 +238,11 @@ def import_log(
     )
     by_role = told.list_by_role(("c", "s"), unit)
     taken = Taken(log, roles.list_columns(), by_role, timing.sample_rate_hz, from_s, to_s)
-    return open_single(stream_blocks(opened, blank, timing, slow, taken))
+    kept = dataclasses.replace(opened, log=log)
+    return open_single(stream_blocks(kept, blank, timing, slow, taken))
+
+
+def _check_carrier(readout: str, carrier_hz: float | None) -> None:
+    """HrgError: a carrier read-out without its frequency."""
+    if readout == "carrier" and carrier_hz is None:
+        raise HrgError('readout is "carrier": give carrier_hz too')

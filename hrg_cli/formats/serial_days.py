@@ -55,7 +55,7 @@ def describe_days(first: float, why: str) -> str:
     """
     return (
         f"its times name no unit and begin at {first:.8g} as the days of a spreadsheet do (as"
-        f" seconds {why}); {WAY_OUT}, or sample_rate_hz where they have too few digits"
+        f" seconds {why}); {WAY_OUT}"
     )
 
 
