@@ -58,10 +58,9 @@ def find_still(c: Array, s: Array, least: int) -> Array:
     >>> find_still(c, c, 8).tolist()
     [[40, 59]]
     """
-    # a stretch of so many samples has two that follow one another at one of these places
-    places = slice(None, -1, max(1, least // 2))
-    n = len(c[places])
-    if not np.any((c[1:][places][:n] == c[places]) & (s[1:][places][:n] == s[places])):
+    # a stretch of so many has two that follow one another at one of these places
+    step = max(1, least // 2)
+    if not np.any((c[1::step] == c[:-1:step]) & (s[1::step] == s[:-1:step])):
         return np.zeros((0, 2), int)
     same = (c[1:] == c[:-1]) & (s[1:] == s[:-1])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).view(np.int8)))
