@@ -208,7 +208,13 @@ def _whiteness(fit: ExtendedFit) -> Iterator[Check]:
 def _strikes(fit: ExtendedFit, slow: float) -> Iterator[Check]:
     """No run moves on, from one of its rows, as from another start, and what strikes in the model
     is all that struck there."""
-    moved = "from {:.4g} s on run {} moves as from another start: what struck it there is not {}"
+    moved = "from {:.4g} s on run {} moves as from another start: "
+    # a misfit of any other kind is less, too, from another start somewhere
+    moved += (
+        "what struck it there is not {}"
+        if fit.is_adequate
+        else "something struck it there that is not {}, or what else is missed bends it"
+    )
     found = [("nothing_strikes", find_another_start(fit, slow), INADEQUATE, "in the model")]
     found += [
         (

@@ -193,6 +193,11 @@ def _free_offsets(fit: ExtendedFit, follows: Sequence[str]) -> ExtendedFit:
     )
 
 
+_SAID_OF_A_MISFIT = (
+    "what the model misses within the runs may move them by that: find its cause first"
+)
+
+
 def _describe_frequencies(
     fit: ExtendedFit,
     noise: NoiseLevel,
@@ -230,6 +235,8 @@ def _describe_frequencies(
     if lone is not None:
         return out | {"sentence": _say_lone_run(free, offsets, lone, z)}
     asked = len(offsets.value) - offsets.means.shape[1] > SPARE
+    if not free.is_adequate:
+        return out | {"sentence": differ + _SAID_OF_A_MISFIT}
     return out | {"sentence": differ + _say_unfollowed(fit.series.has_temperature, asked)}
 
 
