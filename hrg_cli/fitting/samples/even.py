@@ -98,19 +98,30 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
                 for channel in raw
             ]
             envelope, residual2 = _fit_channels(run, pieces, basis)
-            flags = block["flags"][rows]
-            flags[~np.isfinite(residual2[:, keep]).all(0)] |= FLAG_NOT_FINITE
             still = _find_still_rows(pieces, count_least(rate / run.reference_hz))
-            envelope[:, still], residual2[:, still] = np.nan, np.nan
-            flags[still[keep]] |= FLAG_GAP
+            own = [piece[keep] for piece in pieces]
+            _flag(block["flags"][rows], run, own, residual2[:, keep], still[keep], touching)
             run.note_still(times[keep], still[keep])
-            for k in np.flatnonzero(touching):
-                lowest, highest = run.survey.rails[k]
-                piece = pieces[k][keep]
-                flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
+            envelope[:, still], residual2[:, still] = np.nan, np.nan
             fits = _make_fits(run, envelope, residual2, basis, samples)
             run.fill(fits, times, local, keep, block, rows)
         yield block
+
+
+def _flag(
+    flags: Array,
+    run: Demodulator,
+    pieces: Sequence[Array],
+    residual2: Array,
+    still: Array,
+    touching: Sequence[bool],
+) -> None:
+    """Set the flags (n,) of windows by their raw samples and their residuals."""
+    flags[~np.isfinite(residual2).all(0)] |= FLAG_NOT_FINITE
+    flags[still] |= FLAG_GAP
+    for k in np.flatnonzero(touching):
+        (lowest, highest), piece = run.survey.rails[k], pieces[k]
+        flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
 
 
 def _choose_harmonics(
