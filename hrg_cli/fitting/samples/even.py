@@ -111,7 +111,7 @@ def make_even_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
 def _flag(
     flags: Array,
     run: Demodulator,
-    pieces: Sequence[Array],
+    pieces: list[Array],
     residual2: Array,
     still: Array,
     touching: Sequence[bool],
@@ -120,7 +120,8 @@ def _flag(
     flags[~np.isfinite(residual2).all(0)] |= FLAG_NOT_FINITE
     flags[still] |= FLAG_GAP
     for k in np.flatnonzero(touching):
-        (lowest, highest), piece = run.survey.rails[k], pieces[k]
+        lowest, highest = run.survey.rails[k]
+        piece = pieces[k]
         flags[(piece >= highest).any(1) | (piece <= lowest).any(1)] |= FLAG_CLIPPED
 
 
