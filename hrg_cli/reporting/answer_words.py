@@ -57,6 +57,8 @@ class Cause:
     rivals: tuple[str, ...]
 
 
+UNMOVED = 0.9
+"""Part of a departure that is left with the causes taken in from which they are not its causes."""
 MORE_THAN_ALL = 1.5
 """Share over the departure from which a cause is no part of it."""
 QUANTITIES = (
@@ -319,6 +321,9 @@ def make_sentence(
         if len(causes) == 2
         else f"with all {len(causes)} taken in"
     )
+    if departure and not _is_moved(departure):
+        makes = "makes" if len(causes) == 1 else "make"
+        return f"{off}: {named}, which {makes} next to none of that."
     left = (
         f"; {taken} {format_short(departure.after)} {departure.unit} are left" if departure else ""
     )
@@ -332,6 +337,11 @@ def make_sentence(
     return f"{off}: {named}{left}{close if left else ''}."
 
 
+def _is_moved(departure: Departure) -> bool:
+    """Whether the causes together take a part of the departure away that is worth a figure."""
+    return departure.after < UNMOVED * departure.before
+
+
 def _named(causes: Sequence[Cause], departure: Departure | None) -> str:
     """The causes with how much of the departure is theirs: what the errors' squares lose where the
     cause alone is taken in."""
@@ -343,8 +353,10 @@ def _named(causes: Sequence[Cause], departure: Departure | None) -> str:
         else math.nan
     )
     how = (
+        "what was found is"
+        if departure and not _is_moved(departure)
         # left out alone it would make more than all of it: the others undo some
-        "the largest cause is"
+        else "the largest cause is"
         if part > MORE_THAN_ALL
         else "nearly all of it is"
         if part > 0.9

@@ -16,7 +16,13 @@ from hrg_cli.records import Diagnosis, Resonator, Wave, collect
 from hrg_cli.reporting.answer import answer
 from hrg_cli.reporting.answer_text import list_untold
 from hrg_cli.reporting.answer_use import build_matrix, write_snippet
-from hrg_cli.reporting.answer_words import order_causes, say_size
+from hrg_cli.reporting.answer_words import (
+    Cause,
+    Departure,
+    make_sentence,
+    order_causes,
+    say_size,
+)
 from hrg_cli.reporting.figures.answer import plot_before_and_after
 from hrg_cli.reporting.methods_paragraph import CITATIONS, write_methods
 from hrg_cli.reporting.quantities import (
@@ -516,6 +522,15 @@ def test_a_large_split_is_told_in_hertz():
     ("weak", "strong", "first"),
     [(0.05, 52.0, "cubic_stiffness"), (0.05, None, "cubic_stiffness"), (9.0, 4.0, "gain_step")],
 )
+def test_a_cause_that_moves_nothing_is_not_what_made_the_drift():
+    nothing = Departure("drift_deg_h", "drift", "°/h", 35.6, 35.6, False)
+    tone = Cause("mains_tone", "mains tone", "1e-3", "read-out", 9.0, None, None, None, None, ())
+    assert make_sentence("partly explained", {}, nothing, [tone], 2) == (
+        "The drift is 35.6 °/h off: what was found is a mains tone of 1e-3, which makes next to none"
+        " of that."
+    )
+
+
 def test_the_largest_cause_comes_first_though_its_share_is_not_known(weak, strong, first):
     """The model without the largest cause is the one that may not settle."""
     shares = {"gain_step": (7.0, weak), "cubic_stiffness": (92.0, strong)}
