@@ -518,10 +518,6 @@ def test_a_large_split_is_told_in_hertz():
     )
 
 
-@pytest.mark.parametrize(
-    ("weak", "strong", "first"),
-    [(0.05, 52.0, "cubic_stiffness"), (0.05, None, "cubic_stiffness"), (9.0, 4.0, "gain_step")],
-)
 def test_a_cause_that_moves_nothing_is_not_what_made_the_drift():
     nothing = Departure("drift_deg_h", "drift", "°/h", 35.6, 35.6, False)
     tone = Cause("mains_tone", "mains tone", "1e-3", "read-out", 9.0, None, None, None, None, ())
@@ -531,6 +527,10 @@ def test_a_cause_that_moves_nothing_is_not_what_made_the_drift():
     )
 
 
+@pytest.mark.parametrize(
+    ("weak", "strong", "first"),
+    [(0.05, 52.0, "cubic_stiffness"), (0.05, None, "cubic_stiffness"), (9.0, 4.0, "gain_step")],
+)
 def test_the_largest_cause_comes_first_though_its_share_is_not_known(weak, strong, first):
     """The model without the largest cause is the one that may not settle."""
     shares = {"gain_step": (7.0, weak), "cubic_stiffness": (92.0, strong)}
