@@ -8,6 +8,30 @@ moved threshold, a missing guard.
 Change = tuple[str, str]
 
 MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
+    "stages/diagnosis/samples/tone_size.py": (
+        "tests/stages/diagnosis/samples/test_tone_size.py",
+        (
+            ("own = fit.basis.project_out(own.reshape(len(columns), -1))", "own = own.reshape(len(columns), -1)"),
+            ("vector = size[..., 0] - 1j * size[..., 1]", "vector = size[..., 0] + 1j * size[..., 1]"),
+            ("NEAREST_CYCLES = 1.0", "NEAREST_CYCLES = 0.1"),
+            ("(below - above) / (2 * bend)", "(above - below) / (2 * bend)"),
+        ),
+    ),
+    "fitting/samples/stillness.py": (
+        "tests/fitting/samples/test_stillness.py",
+        (
+            ("same = (c[1:] == c[:-1]) & (s[1:] == s[:-1])", "same = c[1:] != c[:-1]"),
+            ("stretches[:, 1] - stretches[:, 0] + 1 >= least", "stretches[:, 1] - stretches[:, 0] + 1 >= 2"),
+        ),
+    ),
+    "fitting/samples/neighbours.py": (
+        "tests/fitting/samples/test_gaps_of_looks.py",
+        (("known = finite if sure is None else finite & sure", "known = finite"),),
+    ),
+    "fitting/samples/oscillation_search.py": (
+        "tests/fitting/samples/test_gaps_of_looks.py",
+        (("look = whole if spectra else keep_together(whole)", "look = whole"),),
+    ),
     "physics/drift.py": (
         "tests/physics/test_drift.py",
         (

@@ -7,7 +7,7 @@ from hrg_cli.records import FLAG_GAP, Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 
-RATE_HZ, FREQUENCY_HZ = 12e3, 1500.0
+RATE_HZ, FREQUENCY_HZ = 12e3, 1483.7
 
 
 def record(still_s, value, even=True, bits=None):
@@ -33,7 +33,7 @@ def test_windows_in_which_the_recorder_stood_still_are_left_out(value, even):
     at = periods.time_s[left_out]
     assert 15 <= left_out.sum() <= 17 and at.min() > 0.98 and at.max() < 1.32
     said = " ".join(periods.status_reasons)
-    assert "both channels repeat one value in" in said and "first at 1.01" in said
+    assert "both channels repeat one value in" in said and "first at 1.00" in said
 
     wave = collect(estimate(periods))
     good = wave.flags == 0
@@ -42,6 +42,6 @@ def test_windows_in_which_the_recorder_stood_still_are_left_out(value, even):
 
 
 def test_a_coarse_converter_does_not_stand_still():
-    """Of three bits every value comes many times in a row."""
+    """Of three bits values come twice and three times in a row."""
     periods = collect(demodulate(record((9.0, 9.1), "zero", bits=3), periods_per_window=30.0))
     assert not np.any(periods.flags & FLAG_GAP)
