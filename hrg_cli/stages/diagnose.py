@@ -51,7 +51,7 @@ from .diagnosis.report.scores import tabulate_scores
 from .diagnosis.report.shares import report_shares
 from .diagnosis.run_clock import count_from_begin
 from .diagnosis.samples.harmonics import measure_motion_harmonics
-from .diagnosis.samples.heard import find_unheard
+from .diagnosis.samples.heard import find_largest_cubic, find_unheard
 from .diagnosis.samples.lines import describe_folded, describe_rounding, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.own_clipping import count_common_clipping
@@ -403,9 +403,8 @@ def _seen_in_samples(
     frequency_hz = float(np.mean(final.frequency_hz))
     found = [one.variant.effect for one in case.search.found]
     bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
-    shown, lines = find_waveform_causes(
-        waves, cut.steps, tones, frequency_hz, found, measure_motion_harmonics(final)
-    )
+    allowed = measure_motion_harmonics(final), np.inf if bends else find_largest_cubic(final)
+    shown, lines = find_waveform_causes(waves, cut.steps, tones, frequency_hz, found, *allowed)
     named = [*found, *(find(str(entry["name"])) for entry in shown)]
     return InSamples(
         shown,

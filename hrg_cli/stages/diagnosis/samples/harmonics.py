@@ -113,7 +113,7 @@ def name_bent_channels(
     if 3 not in harmonics:
         return []
     line, size = harmonics[3], float(np.median([find_median_amplitude(w) for w in waves]))
-    cubic = 4 * float(np.max(line.amplitude)) / size**3
+    cubic = read_cubic(line, waves)
     if not 4 * of_motion < cubic * size**2 < CUBIC_LARGEST:
         return []
     offer = make_entry(
@@ -127,6 +127,35 @@ def name_bent_channels(
         "magnitude_std": {"cubic": cubic / np.sqrt(2 * line.ratio)},
     }
     return [offer | known | {"sign": UNMEASURED}]
+
+
+def read_cubic(line: Line, waves: Sequence[Wave]) -> float:
+    """The cubic of a pick-off that makes such a third harmonic, γ = 4 A₃/A³.
+
+    Parameters
+    ----------
+    line
+        The third harmonic.
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float
+        1 over the square of an amplitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import read_cubic
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line
+    >>> third = Line(1500.0, np.full(2, 1e-3), 1e4, 3, np.ones((3, 2)))
+    >>> bool(0.003 < read_cubic(third, draw_waves()) < 0.01)
+    True
+    """
+    size = float(np.median([find_median_amplitude(w) for w in waves]))
+    return 4 * float(np.max(line.amplitude)) / size**3
 
 
 def find_clipped_windows(waves: Sequence[Wave]) -> list[Array]:

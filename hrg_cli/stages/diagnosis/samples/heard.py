@@ -12,7 +12,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ....effects import pickoff_nonlinearity
 from ....effects.effect import Effect
+from ....fitting.causes.evidence import score_candidates
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.looks import LOOKS
@@ -29,6 +31,8 @@ and a filter may have taken it away."""
 POINTS, LEVELS, NODES = 256, 24, 16
 """Points of a period, amplitudes (and as many near the largest), and values of the noise at which a
 curve is drawn."""
+CUBIC_STEP = 1e-3
+"""Of the largest amplitude's inverse square, to differentiate by."""
 TAPERED = 32
 """Instants of a stretch at which what comes and goes is looked at."""
 NEAREST_TOP = 1e-6
@@ -77,6 +81,42 @@ def _find_least_values(
             abs(off) - SMALLER_BY_CHANCE * std, 0.0
         )
     return out
+
+
+def find_largest_cubic(fit: ExtendedFit) -> float:
+    """The largest cubic of the pick-off that the motion allows: one that bends the channels bends
+    the wave's own angle and amplitude as well.
+
+    Parameters
+    ----------
+    fit
+        Of the final model, without it.
+
+    Returns
+    -------
+    float
+        Of either sign, 1 over the square of an amplitude; infinite where the runs do not tell.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.samples.heard import find_largest_cubic
+    >>> find_largest_cubic(draw_fit()) < 0.1
+    True
+    """
+    effect = pickoff_nonlinearity.EFFECT
+    neutral = {p.name: p.neutral for p in effect.parameters}
+    wanted = (
+        effect,
+        neutral,
+        {"cubic": CUBIC_STEP / float(np.nanmax(np.abs(fit.prediction.seen))) ** 2},
+    )
+    columns = fit.find_sensitivities([wanted])
+    score = score_candidates([effect.name], fit.residual, columns, fit.basis)[0]
+    if not score.visible:
+        return float("inf")
+    std = float(score.std[0]) * float(np.sqrt(max(1.0, fit.chi2 / fit.dof)))
+    return float(abs(score.estimate[0]) + SMALLER_BY_CHANCE * std)
 
 
 def is_excluded(effect: Effect, values: Mapping[str, float], waves: Sequence[Wave]) -> bool:

@@ -9,7 +9,7 @@ a line.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from ....effects import mains_tone
 from ....effects.effect import Effect
 from ....records import Wave
 from ..thresholds import LINE_RATIO
-from .harmonics import is_below_codes, name_bent_channels
+from .harmonics import is_below_codes, name_bent_channels, read_cubic
 from .lines import (
     WIDTH_CELLS,
     Line,
@@ -62,6 +62,7 @@ def find_waveform_causes(
     frequency_hz: float,
     found: Sequence[Effect],
     of_motion: float = 0.0,
+    most_cubic: float = np.inf,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """What the samples show: causes by their lines and steps, and what every line is.
 
@@ -79,6 +80,9 @@ def find_waveform_causes(
         Effects named by the dynamics.
     of_motion
         Part of the wave's size that harmonics of the motion itself may have.
+    most_cubic
+        The largest cubic of the pick-off that the motion allows: a third harmonic that would ask
+        for more is a tone.
 
     Returns
     -------
@@ -103,6 +107,8 @@ def find_waveform_causes(
     open_lines = []
     for line in far:
         multiple = find_harmonic(line, frequency_hz, sampling, cell)
+        if multiple == 3 and direct and read_cubic(line, waves) > most_cubic:
+            multiple = 0
         meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
@@ -276,7 +282,35 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
             leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
             if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
                 return True
-    return False
+    return any(
+        size < LEAKS * amplitude / (np.pi * turns)
+        for turns, amplitude in _list_power_beside(tone.frequency_hz, step_s, waves)
+    )
+
+
+def _list_power_beside(
+    frequency_hz: float, step_s: float, waves: Sequence[Wave]
+) -> Iterator[tuple[int, float]]:
+    """Turns a window and amplitude of what the samples' spectrum holds above its floor where it
+    would have a tone's image in the windows.
+
+    Of a line some windows' widths beside the oscillation the windows' own fits leave a comb, which
+    stands out of no running floor as a line does.
+    """
+    known = [w for w in waves if w.spectrum_density is not None]
+    if not known:
+        return
+    grid = np.asarray(known[0].spectrum_frequency_hz, float)
+    densities = [np.asarray(w.spectrum_density, float) for w in known]
+    density = np.mean([one for one in densities if len(one) == len(grid)], axis=0)
+    high = density > LINE_RATIO * np.median(density, axis=0)
+    most = int(grid[-1] * step_s)
+    for k in range(-most, most + 1):
+        at = round(abs(frequency_hz + k / step_s) / grid[1])
+        beside = slice(max(at - 1, 1), at + 2)
+        if k != 0 and high[beside].any():
+            power = np.where(high, density, 0.0)[beside].sum(axis=0) * grid[1]
+            yield abs(k), float(np.sqrt(2 * power.max()))
 
 
 def _may_drift(waves: Sequence[Wave]) -> bool:

@@ -122,6 +122,24 @@ def test_an_offset_that_drifts_is_no_tone_and_not_explained():
     assert any("leaks into the windows" in line["meaning"] for line in out["lines"])
 
 
+@pytest.mark.parametrize(("times", "off_hz", "named"), ((3.0, 0.0, 1), (1.0, 50.0, 0)))
+def test_a_strong_tone_is_no_read_out_and_no_tone_elsewhere(times, off_hz, named):
+    """At three times the oscillation, where a pick-off that bends would bend the wave's angle by
+    5e-3 rad as well; and five windows' widths beside it, of which windows show a faint image."""
+    table = programme(5, runs=4, duration_s=10.0, noise=1e-4)
+    table["recording"]["sample_rate_hz"] = 5000.0
+    table["device"] |= {"frequency_hz": 503.7, "damping_rate_1_s": 0.05}
+    tone_hz = times * 503.7 + off_hz
+    parts = {"c_cos": 1e-3, "s_cos": 6e-4}
+    table["effects"] = {"mains_tone": parts | {"frequency_hz": tone_hz}}
+    out = summarise(diagnose(waves(table, periods_per_window=50.0)))
+    assert [one["name"] for one in out["effects"]] == ["mains_tone"] * named
+    assert named or out["verdict"] == "unexplained"
+    for one in out["effects"]:
+        assert abs(one["parameters"]["frequency_hz"]["value"] - tone_hz) < 1.0
+        assert one["magnitude"]["c"] == pytest.approx(1e-3, rel=0.02)
+
+
 def test_two_sidebands_of_the_oscillation_are_a_modulation_and_no_tones():
     """A gain that swings by 0.1 % at 700 Hz puts a line on either side of the oscillation, 0.5e-3 of
     it each, far beyond what windows of 8 ms show; in runs of one amplitude no size tells."""
