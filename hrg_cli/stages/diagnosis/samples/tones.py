@@ -4,6 +4,7 @@ model."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -155,7 +156,9 @@ def take_out_tones(
     (True, [])
     """
     left, tones = list(waves), list[Tone]()
-    while len(tones) < MOST_TONES:
+    for _ in range(2 * MOST_TONES):
+        if len(tones) == MOST_TONES:
+            break
         near = nearest(fit)
         tone = find_strongest_tone(near, left)
         if tone is None:
@@ -171,8 +174,22 @@ def take_out_tones(
         except DivergedError:  # what is left has no fit: it was no tone
             break
         left = cleaned
-        tones.append(tone)
+        tones = _join(tones, tone, waves)
     return fit, left, tones
+
+
+def _join(tones: Sequence[Tone], tone: Tone, waves: Sequence[Wave]) -> list[Tone]:
+    """The tones and one more; one within a cell of the longest run of another is a part of that
+    which was not taken out."""
+    longest_s = max(float(wave.time_s[-1] - wave.time_s[0]) for wave in waves)
+    joined = [
+        replace(one, vector=one.vector + tone.vector)
+        if abs(one.frequency_hz - tone.frequency_hz) * longest_s < 1
+        else one
+        for one in tones
+    ]
+    apart = all(one is other for one, other in zip(joined, tones, strict=True))
+    return [*joined, tone] if apart else joined
 
 
 def confirm_tones(
