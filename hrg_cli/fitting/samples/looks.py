@@ -89,11 +89,13 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
             f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record"
             " longer"
         )
-    looks, patched, stretches = [], [], []
+    looks, patched, stretches, standing = [], [], [], []
     places = np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)
     for a in dict.fromkeys(places.tolist()):
         look = _take_look(recording, a, a + length)
         bad = ~np.isfinite(look.y)
+        if not bad.any():
+            standing.append(look)
         for first, last in find_still(look.raw[0], look.raw[1], max(FEWEST, length // STILL)):
             bad[:, first : last + 1] = True
         if not bad.any():
@@ -108,7 +110,8 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
         # the spectra of all looks are averaged, so all have one length
         common = min(len(look.time_s) for look in stretches)
         looks = [_cut_look(look, slice(0, common)) for look in stretches]
-    looks = looks or patched
+    # of channels that stand still throughout something else is said
+    looks = looks or patched or standing
     if not looks:
         raise HrgError(
             f"{name}: has hardly any finite sample (NaN or infinite values); finite values of both"

@@ -588,6 +588,35 @@ def is_turning(wave: Wave) -> bool:
     )
 
 
+def is_log_stuck(wave: Wave, others: Sequence[Wave]) -> bool:
+    """Whether a run's rate log holds one value to the last digit, while those of other runs change.
+
+    Parameters
+    ----------
+    wave
+        Of the run.
+    others
+        Of the other runs.
+
+    Returns
+    -------
+    bool
+        A table that is held at a rate may show one value, too.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_swing, draw_waves
+    >>> from hrg_cli.stages.diagnosis.suspects.readings import is_log_stuck
+    >>> is_log_stuck(draw_waves()[1], [draw_swing()]), is_log_stuck(draw_swing(), draw_waves())
+    (True, False)
+    """
+    if not is_turning(wave):
+        return False
+    rate = np.asarray(wave.rate_rad_s, float)
+    held = float(np.nanmax(rate) - np.nanmin(rate)) <= 1e-9 * float(np.nanmax(np.abs(rate)))
+    return held and any(has_varying_rate(other) for other in others)
+
+
 def has_varying_rate(wave: Wave) -> bool:
     """Whether a rate is logged that is not one constant.
 

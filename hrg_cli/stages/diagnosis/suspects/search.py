@@ -11,6 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array, Wave
 from ...suspicion import Suspicion
+from ..fits.scoring import is_gross
 from ..fits.variants import Variant, list_variants
 from ..thresholds import (
     AS_GOOD_WITHOUT,
@@ -44,6 +45,7 @@ from .readings import (
     find_knock_mistakes,
     find_time_mistakes,
     fit_held,
+    is_log_stuck,
 )
 from .rivals import fit_catalogue, fit_warming
 from .two_gyros import find_second_gyro
@@ -371,13 +373,7 @@ def find_cases(
     alone = len(_flat(pieces)) == 0
     made = find_knock_mistakes(wave) if alone else makers(wave, others)
     out = _read(pieces, run, list(made), fitted)
-    apart = (
-        None
-        if alone
-        else fit_or_none(
-            [wave], lambda own: fit_held(own, others, COORDINATES[:-1], causes_free=True)
-        )
-    )
+    apart = None if alone else _fit_apart(wave, others, fitted)
     # no gyro has a scale factor of the other sign: with one of its own the run is read otherwise
     if apart is not None and (not out or has_usual_scale_factor(apart)):
         own = apart.chi2 / apart.dof < AS_GOOD_WITHOUT * max(1.0, others.chi2 / others.dof)
@@ -392,7 +388,36 @@ def find_cases(
             else "look at its samples, or leave the run out"
         )
         out.append(SuspectCase(run, Reading(what, (wave,), 6, figures, todo), others, apart))
-    return out
+        if is_gross(apart) and is_log_stuck(wave, _flat(pieces)):
+            out.append(SuspectCase(run, _read_stuck_log(wave, apart), others))
+    # a mistake that, undone, leaves the run as far from the others is not the one
+    return [case for case in out if case.chi2 < GROSS * case.dof] or out
+
+
+def _read_stuck_log(wave: Wave, apart: ExtendedFit) -> Reading:
+    """The run left out for a log that holds one value while its wave turned otherwise."""
+    rate = float(np.nanmedian(np.asarray(wave.rate_rad_s, float)))
+    return Reading(
+        "rate log stuck",
+        (),
+        KNOCK,
+        f"its log holds {rate:.4g} rad/s throughout, the others' change, and alone it turns as at"
+        f" no constant rate (χ² per degree of freedom {apart.chi2 / apart.dof:.3g}): without it",
+        "import the run with the rate of the table",
+    )
+
+
+def _fit_apart(wave: Wave, others: ExtendedFit, fitted: Fitted) -> ExtendedFit | None:
+    """The run alone, beside the others' causes: from where the others stand, or, of a gyro that is
+    too far from them for that, from where it stands itself."""
+    near = fit_or_none(
+        [wave], lambda own: fit_held(own, others, COORDINATES[:-1], causes_free=True)
+    )
+    if near is not None and near.chi2 < GROSS * near.dof:
+        return near
+    own = fit_or_none([wave], fitted, quick=is_any_logged([wave]))
+    both = [fit for fit in (near, own) if fit is not None]
+    return min(both, key=lambda fit: fit.chi2 / fit.dof, default=None)
 
 
 def _read(
