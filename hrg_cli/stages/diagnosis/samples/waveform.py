@@ -9,14 +9,14 @@ a line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ....effects import mains_tone
 from ....effects.effect import Effect
-from ....records import Wave
+from ....records import Array, Wave
 from ..thresholds import LINE_RATIO
 from .harmonics import is_below_codes, name_bent_channels, read_cubic
 from .lines import (
@@ -282,35 +282,33 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
             leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
             if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
                 return True
-    return any(
-        size < LEAKS * amplitude / (np.pi * turns)
-        for turns, amplitude in _list_power_beside(tone.frequency_hz, step_s, waves)
-    )
+    turns, amplitude = _find_power_beside(tone.frequency_hz, step_s, waves)
+    return bool(np.any(size < LEAKS * amplitude / (np.pi * turns)))
 
 
-def _list_power_beside(
+def _find_power_beside(
     frequency_hz: float, step_s: float, waves: Sequence[Wave]
-) -> Iterator[tuple[int, float]]:
-    """Turns a window and amplitude of what the samples' spectrum holds above its floor where it
-    would have a tone's image in the windows.
+) -> tuple[Array, Array]:
+    """Turns a window (k,) and amplitudes (k,) of what the samples' spectrum holds above its floor
+    where it would have a tone's image in the windows.
 
     Of a line some windows' widths beside the oscillation the windows' own fits leave a comb, which
     stands out of no running floor as a line does.
     """
     known = [w for w in waves if w.spectrum_density is not None]
     if not known:
-        return
+        return np.ones(0), np.ones(0)
     grid = np.asarray(known[0].spectrum_frequency_hz, float)
     densities = [np.asarray(w.spectrum_density, float) for w in known]
     density = np.mean([one for one in densities if len(one) == len(grid)], axis=0)
-    high = density > LINE_RATIO * np.median(density, axis=0)
+    strong = np.where(density > LINE_RATIO * np.median(density, axis=0), density, 0.0).max(axis=1)
+    about = strong[:-2] + strong[1:-1] + strong[2:]
+
     most = int(grid[-1] * step_s)
-    for k in range(-most, most + 1):
-        at = round(abs(frequency_hz + k / step_s) / grid[1])
-        beside = slice(max(at - 1, 1), at + 2)
-        if k != 0 and high[beside].any():
-            power = np.where(high, density, 0.0)[beside].sum(axis=0) * grid[1]
-            yield abs(k), float(np.sqrt(2 * power.max()))
+    turns = np.concatenate([np.arange(-most, 0), np.arange(1, most + 1)])
+    cells = np.rint(np.abs(frequency_hz + turns / step_s) / grid[1]).astype(int)
+    power = about[np.clip(cells - 1, 0, len(about) - 1)] * grid[1]
+    return np.abs(turns), np.sqrt(2 * power)
 
 
 def _may_drift(waves: Sequence[Wave]) -> bool:
