@@ -282,8 +282,8 @@ def _is_image(tone: Tone, far: Sequence[Line], waves: Sequence[Wave]) -> bool:
             leaks = LEAKS * float(line.amplitude.max()) / (np.pi * max(abs(turns), 0.5))
             if round(turns) != 0 and abs(turns - round(turns)) < near and size < leaks:
                 return True
-    turns, amplitude = _find_power_beside(tone.frequency_hz, step_s, waves)
-    return bool(np.any(size < LEAKS * amplitude / (np.pi * turns)))
+    away, amplitudes = _find_power_beside(tone.frequency_hz, step_s, waves)
+    return bool(np.any(size < LEAKS * amplitudes / (np.pi * away)))
 
 
 def _find_power_beside(
