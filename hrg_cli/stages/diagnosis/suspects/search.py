@@ -358,7 +358,7 @@ def find_cases(
     Returns
     -------
     list of SuspectCase
-        Each with the fit that it leaves.
+        Each with the fit that it leaves; where any leaves no gross misfit, those alone.
 
     Examples
     --------
@@ -368,7 +368,7 @@ def find_cases(
     >>> waves, others = draw_wrong_waves(), fit_waves(draw_waves()[:2])
     >>> made = leave_out(waves, 2), waves[2], 2, others, fit_waves, find_rate_mistakes
     >>> [(case.reading.what, bool(case.chi2 / case.dof < 1.5)) for case in find_cases(*made)][:2]
-    [('rate log of wrong sign', True), ('rate log in °/s', False)]
+    [('rate log of wrong sign', True), ('rate log of wrong scale', True)]
     """
     alone = len(_flat(pieces)) == 0
     made = find_knock_mistakes(wave) if alone else makers(wave, others)
