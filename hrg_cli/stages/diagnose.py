@@ -403,8 +403,15 @@ def _seen_in_samples(
     frequency_hz = float(np.mean(final.frequency_hz))
     found = [one.variant.effect for one in case.search.found]
     bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
-    allowed = measure_motion_harmonics(final), np.inf if bends else find_largest_cubic(final)
-    shown, lines = find_waveform_causes(waves, cut.steps, tones, frequency_hz, found, *allowed)
+    shown, lines = find_waveform_causes(
+        waves,
+        cut.steps,
+        tones,
+        frequency_hz,
+        found,
+        measure_motion_harmonics(final),
+        None if bends else partial(find_largest_cubic, final),
+    )
     named = [*found, *(find(str(entry["name"])) for entry in shown)]
     return InSamples(
         shown,

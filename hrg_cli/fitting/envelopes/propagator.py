@@ -637,9 +637,10 @@ def list_lags(runs: Sequence[EnvelopeRun]) -> list[float]:
     lags = [lag for lag in np.geomspace(shortest, longest, count) if lag <= 0.9 * span]
     seen = 0.0
     for k, lag in enumerate(lags):
-        if _find_turn(runs, lag) < HIDDEN * seen:
-            lags[k] = max((part * lag for part in SHORTER), key=lambda one: _find_turn(runs, one))
-        seen = max(seen, _find_turn(runs, lags[k]))
+        turn = _find_turn(runs, lag)
+        if turn < HIDDEN * seen:
+            turn, lags[k] = max((_find_turn(runs, part * lag), part * lag) for part in SHORTER)
+        seen = max(seen, turn)
     return lags
 
 

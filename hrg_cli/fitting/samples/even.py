@@ -14,7 +14,7 @@ from .envelope_motion import NEIGHBOURS, does_motion_count, estimate_curvatures,
 from .harmonic_leaks import find_leaking_harmonics, list_harmonics
 from .looks import Look
 from .signal_rows import Rows
-from .stillness import count_least, find_still
+from .stillness import count_least, find_still, mark_stretches
 from .windows import Fits, count_pooled_rows, fit_even
 
 Array = np.ndarray
@@ -170,11 +170,9 @@ def _fit_channels(run: Demodulator, pieces: list[Array], basis: WindowBasis) -> 
 
 def _find_still_rows(pieces: Sequence[Array], least: int) -> Array:
     """Rows (n,) of which both channels repeat one value for a while."""
-    rows = np.zeros(len(pieces[0]), bool)
-    samples = pieces[0].shape[1]
-    for first, last in find_still(pieces[0].ravel(), pieces[1].ravel(), least) // samples:
-        rows[first : last + 1] = True
-    return rows
+    count, samples = pieces[0].shape
+    still = find_still(pieces[0].ravel(), pieces[1].ravel(), least)
+    return mark_stretches(still // samples, count)
 
 
 def _does_touch(raw: Array, rail: tuple[float, float]) -> bool:

@@ -12,7 +12,7 @@ from ...errors import HrgError
 from ...records import Recording
 from ...records.recording import ONE_CHANNEL
 from .least_count import count_values, find_least_count
-from .stillness import FEWEST, find_still
+from .stillness import FEWEST, find_still, mark_stretches
 
 Array = np.ndarray
 
@@ -96,8 +96,8 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
         bad = ~np.isfinite(look.y)
         if not bad.any():
             standing.append(look)
-        for first, last in find_still(look.raw[0], look.raw[1], max(FEWEST, length // STILL)):
-            bad[:, first : last + 1] = True
+        still = find_still(look.raw[0], look.raw[1], max(FEWEST, length // STILL))
+        bad |= mark_stretches(still, length)
         if not bad.any():
             looks.append(look)
             continue

@@ -34,6 +34,34 @@ def count_least(period_samples: float) -> int:
     return max(FEWEST, int(np.ceil(PERIODS * period_samples)))
 
 
+def mark_stretches(stretches: Array, count: int) -> Array:
+    """Which of so many places stand in a stretch.
+
+    Parameters
+    ----------
+    stretches
+        First and last place of each, (k, 2).
+    count
+        Of all places.
+
+    Returns
+    -------
+    ndarray
+        (count,) bool.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.samples.stillness import mark_stretches
+    >>> mark_stretches(np.array([[1, 2]]), 4).tolist()
+    [False, True, True, False]
+    """
+    marked = np.zeros(count, bool)
+    for first, last in stretches:
+        marked[first : last + 1] = True
+    return marked
+
+
 def find_still(c: Array, s: Array, least: int) -> Array:
     """First and last sample of every stretch in which both channels repeat one value.
 

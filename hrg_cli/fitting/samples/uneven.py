@@ -15,7 +15,7 @@ from .demodulator import Demodulator
 from .envelope_motion import NEIGHBOURS
 from .gaps import Gaps
 from .signal_rows import Rows
-from .stillness import count_least, find_still
+from .stillness import count_least, find_still, mark_stretches
 from .windows import Fits, count_pooled_rows
 
 Array = np.ndarray
@@ -88,9 +88,8 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
         )
         flags = np.zeros(high - low, "u1")
         flags[run.gaps.find_touched(time, low, high)] |= FLAG_GAP
-        still = np.zeros(high - low, bool)
-        for a, b in window[find_still(raw[0], raw[1], count_least(1 / (step * run.reference_hz)))]:
-            still[a - low : b - low + 1] = True
+        stretches = find_still(raw[0], raw[1], count_least(1 / (step * run.reference_hz)))
+        still = mark_stretches(window[stretches] - low, high - low)
         fits.envelope[:, still], fits.residual2[:, still] = np.nan, np.nan
         flags[still] |= FLAG_GAP
         flags[window[~np.isfinite(y).all(0)] - low] |= FLAG_NOT_FINITE

@@ -9,7 +9,7 @@ a line.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ def find_waveform_causes(
     frequency_hz: float,
     found: Sequence[Effect],
     of_motion: float = 0.0,
-    most_cubic: float = np.inf,
+    find_most_cubic: Callable[[], float] | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """What the samples show: causes by their lines and steps, and what every line is.
 
@@ -80,9 +80,9 @@ def find_waveform_causes(
         Effects named by the dynamics.
     of_motion
         Part of the wave's size that harmonics of the motion itself may have.
-    most_cubic
-        The largest cubic of the pick-off that the motion allows: a third harmonic that would ask
-        for more is a tone.
+    find_most_cubic
+        The largest cubic of the pick-off that the motion allows, asked where there is a third
+        harmonic: one that would take more is a tone. None: any may be.
 
     Returns
     -------
@@ -107,8 +107,8 @@ def find_waveform_causes(
     open_lines = []
     for line in far:
         multiple = find_harmonic(line, frequency_hz, sampling, cell)
-        if multiple == 3 and direct and read_cubic(line, waves) > most_cubic:
-            multiple = 0
+        if multiple == 3 and direct and find_most_cubic is not None:
+            multiple = 0 if read_cubic(line, waves) > find_most_cubic() else multiple
         meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)

@@ -413,7 +413,7 @@ def _fit_apart(wave: Wave, others: ExtendedFit, fitted: Fitted) -> ExtendedFit |
     near = fit_or_none(
         [wave], lambda own: fit_held(own, others, COORDINATES[:-1], causes_free=True)
     )
-    if near is not None and near.chi2 < GROSS * near.dof:
+    if near is not None and not is_gross(near):
         return near
     own = fit_or_none([wave], fitted, quick=is_any_logged([wave]))
     both = [fit for fit in (near, own) if fit is not None]
