@@ -8,6 +8,9 @@ at the noise that the windows state.
 
 SIGNIFICANT = 1e-3
 """Chance of a false alarm a step of the selection, corrected for the number tried (Šidák)."""
+TONE = 2e-5
+"""Chance of a false tone near the resonance a search, corrected for the frequencies looked at: one
+of some forty causes, `SIGNIFICANT` in all."""
 WORTH = 10.0
 """ΔBIC an effect must earn, and by which it must beat a rival to be told from it: posterior odds of
 e⁵ = 148 at equal prior odds."""

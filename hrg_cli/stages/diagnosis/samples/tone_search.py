@@ -18,6 +18,7 @@ from ....fitting.noise import channel_noise
 from ....records import Wave
 from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
+from ..thresholds import TONE
 from .tone import Tone
 from .tone_size import NEAREST_CYCLES
 
@@ -25,6 +26,9 @@ Array = np.ndarray
 ONE_SIDED, MIRRORED = 6.0, 2.0
 """Power of a tone over its mirror's beside the resonance, less the floor in both, and σ of the
 mirror's noise allowed beside."""
+OFFERED = 1e-2
+"""Chance, in the whole spectrum, of a bin whose frequency is looked at closely: its taper costs a
+third of a tone's power, and a place between two bins as much again."""
 FINE = 41
 DIES, SURE = 0.7, 4.0
 """Part of its power that a tone has in the second half of the runs at least, and σ by which less
@@ -130,18 +134,29 @@ class ResidualSpectrum:
         )
 
     def compute_chance(self) -> Array:
-        """Probability of as much power in a bin from noise alone: a sum of 2·runs exponentials, its
-        median set to the floor."""
-        from scipy.special import chdtrc
-
+        """Probability of as much power in a bin from noise alone, whose median is the floor."""
         ratio = np.maximum(self.power / self.level, 0)
-        return np.asarray(chdtrc(4 * self.runs, 4 * self.runs * ratio))
+        return _compute_chance(4 * self.runs * ratio, self.runs)
+
+    def find_excess(self, frequency_hz: float) -> float:
+        """The floor at a frequency over that of white noise of the stated size, at least 1."""
+        at = int(np.argmin(np.abs(self.frequency_hz - frequency_hz)))
+        return max(float(self.level[at]) / (4 * self.runs), 1.0)
+
+
+def _compute_chance(power: Array | float, runs: int) -> Array:
+    """Probability of as much power over σ² from noise alone: of two channels a run, a cosine and a
+    sine each."""
+    from scipy.special import chdtrc
+
+    return np.asarray(chdtrc(4 * runs, power))
 
 
 def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     """The strongest one-sided tone that stands out of its surroundings.
 
-    By chance one does once in a million. Beside a gross misfit it is one that stands there alone.
+    A tapered spectrum, in which nothing leaks, offers the place; what the whole of every run says
+    there decides, by chance `TONE`. Beside a gross misfit it is one that stands there alone.
 
     Parameters
     ----------
@@ -176,6 +191,8 @@ def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     )
     std = np.array([float(np.median(s)) / np.sqrt(len(s)) for _, _, s in data])
     gain = float(np.sum(np.abs(vector) ** 2 / std[:, None] ** 2))
+    if _compute_chance(gain / spectrum.find_excess(best), len(data)) > TONE / len(wanted):
+        return None
     whitening = fit.series.whitening
     vector = channel_noise.whiten(channel_noise.invert(whitening), vector[:, None])[:, 0]
     std = std[:, None] * channel_noise.compute_spread(whitening)
@@ -225,7 +242,7 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
     wanted = (
         (nearest * shortest > NEAREST_CYCLES)
         & (mirror - level < (power - level) / ONE_SIDED + noise)
-        & (spectrum.compute_chance() < 1e-6 / len(power))
+        & (spectrum.compute_chance() < OFFERED / len(power))
     )
     if is_gross(fit):
         wanted &= power > ISOLATED * _find_largest_beside(power, longest * spectrum.frequency_hz[1])
