@@ -21,7 +21,13 @@ from ....fitting.envelopes.matrices import Matrix
 from ....fitting.envelopes.phase_course import follow_phase, straighten_phases
 from ....fitting.noise import channel_noise
 from ....fitting.noise.difference_noise import MEDIAN, measure_difference_noise
-from ....fitting.samples.course import Impulse, average_over_windows, build_course, integrate_means
+from ....fitting.samples.course import (
+    Course,
+    Impulse,
+    average_over_windows,
+    build_course,
+    integrate_means,
+)
 from ....physics import ellipse
 from ....records import Wave
 from ....records.time_origin import count_from_first
@@ -130,7 +136,10 @@ def prepare(
         )
         for r, o, w in zip(runs, offsets, waves, strict=True)
     ]
-    series = replace(align_runs([bridge_gaps(r) for r in thin], waves), averaged_along=p)
+    series = replace(
+        align_runs([bridge_gaps(r, w) for r, w in zip(thin, waves, strict=True)], waves),
+        averaged_along=p,
+    )
     return series, Point(p, series.envelope[:, 0].copy(), offsets + shift), runs
 
 
@@ -244,8 +253,8 @@ def _fastest_turn(run: EnvelopeRun) -> float:
     return float(np.quantile(np.abs(np.diff(run.turn_rad)) / step, 0.99))
 
 
-def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
-    """The run with empty rows (σ = ∞) in its gaps.
+def bridge_gaps(run: EnvelopeRun, wave: Wave) -> EnvelopeRun:
+    """The run with empty rows (σ = ∞) in its gaps, in which table and temperature go on as logged.
 
     No step of the Runge–Kutta rule is then longer than the others.
 
@@ -253,6 +262,8 @@ def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
     ----------
     run
         Its envelopes.
+    wave
+        Whose logs go on in the gaps.
 
     Returns
     -------
@@ -263,8 +274,9 @@ def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
     --------
     >>> from hrg_cli.fitting.envelopes.drawn_run import draw_run_down
     >>> from hrg_cli.stages.diagnosis.base.data import bridge_gaps
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
     >>> run = draw_run_down(0.0)
-    >>> bridge_gaps(run) is run
+    >>> bridge_gaps(run, draw_waves()[0]) is run
     True
     """
     steps = np.diff(run.time_s)
@@ -278,18 +290,31 @@ def bridge_gaps(run: EnvelopeRun) -> EnvelopeRun:
     )
     place = np.repeat(wide + 1, counts - 1)
 
-    def filled(values: Array) -> Array:
-        return np.insert(values, place, np.interp(times, run.time_s, values))
+    def straight(values: Array) -> Array:
+        return np.interp(times, run.time_s, values)
 
+    def filled(values: Array, log: Callable[[Array], Array] | None) -> Array:
+        bent = 0.0 if log is None else log(times) - straight(log(run.time_s))
+        return np.insert(values, place, straight(values) + bent)
+
+    turned = _course_of(wave.time_s, wave.rate_rad_s)
+    warm = _course_of(wave.time_s, wave.temperature_degc)
     return replace(
         run,
         time_s=np.insert(run.time_s, place, times),
         envelope=np.insert(run.envelope, place, run.envelope[place - 1], axis=0),
         std=np.insert(run.std, place, np.inf),
-        turn_rad=filled(run.turn_rad),
-        temperature_degc=None if run.temperature_degc is None else filled(run.temperature_degc),
-        lead_rad=None if run.lead_rad is None else filled(run.lead_rad),
+        turn_rad=filled(run.turn_rad, None if turned is None else turned.integrate_to),
+        temperature_degc=None
+        if run.temperature_degc is None
+        else filled(run.temperature_degc, None if warm is None else warm.interpolate),
+        lead_rad=None if run.lead_rad is None else filled(run.lead_rad, None),
     )
+
+
+def _course_of(time_s: Array, logged: Array | None) -> Course | None:
+    """The course of what a wave logs; None where it logs nothing."""
+    return build_course(*_finite(time_s, logged)) if _has(logged) else None
 
 
 def _common_reference_hz(runs: Sequence[EnvelopeRun]) -> float:
@@ -451,9 +476,8 @@ def _columns_of(run: EnvelopeRun, wave: Wave, reference_hz: float) -> dict[str, 
 
 def _rate_of(wave: Wave, t: Array) -> Array:
     """The logged rate at times t; 0 where none is logged."""
-    if not _has(wave.rate_rad_s):
-        return np.zeros(len(t))
-    return build_course(*_finite(wave.time_s, wave.rate_rad_s)).interpolate(t)
+    course = _course_of(wave.time_s, wave.rate_rad_s)
+    return np.zeros(len(t)) if course is None else course.interpolate(t)
 
 
 def _temperature_of(run: EnvelopeRun, wave: Wave) -> dict[str, Array]:
