@@ -27,6 +27,7 @@ from .identification.outcome import Verdict
 from .identification.rate_cuts import cut_at_rate_steps
 from .identification.resampled_errors import profile_intervals, resample_errors
 from .identification.unknown_rate import identify_with_unknown_rate
+from .identification.unmodelled import doubt_beside_causes
 from .one_gyro import need_each_once, need_same_gyro
 from .shared_noise import need_own_noise
 from .usable import Usable, drop_refused, restrict_to_known_rates
@@ -155,12 +156,9 @@ def identify(
             chosen = free_windows.choose_different(runs, most_different)
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
-            return usable.judge(
-                _make_resonator_record(
-                    identify_with_unknown_rate(runs, known, blocks), waves, method
-                )
-            )
-        if method in ("likelihood", "all"):
+            verdict = identify_with_unknown_rate(runs, known, blocks)
+            earth += verdict.details["rate_rad_s"]["value"]
+        elif method in ("likelihood", "all"):
             verdict = identify_by_likelihood(runs, known, blocks)
             if profile:
                 verdict.details["profile"] = profile_intervals(verdict, runs)
@@ -168,8 +166,9 @@ def identify(
                 resample_errors(verdict, bootstrap, seed)
         else:
             verdict = identify_by_regression(runs, known, method, eliminate_rate, blocks)
-        if method == "all":
+        if method == "all" and not fit_rate:
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
+        doubt_beside_causes(verdict, waves, rate_rad_s, earth, scale_factor, blocks)
         return usable.judge(_make_resonator_record(verdict, waves, method))
 
 

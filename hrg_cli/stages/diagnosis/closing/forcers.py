@@ -23,7 +23,7 @@ import numpy as np
 
 from ....fitting.causes import scales
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.envelopes.coordinates import COUNT
+from ....fitting.causes.moves import move_coordinates
 from ..fits.variants import Variant
 from ..search.search_case import Case
 from ..thresholds import SHOWN_AS_SUM, WORTH
@@ -88,34 +88,3 @@ def _move_by_doubt(fit: ExtendedFit, S: Array, free: Array, misfit: float) -> Ar
     left = turn / np.sqrt(1 + np.maximum(power, 0.0))
     likely = left @ (left.T @ (free.T @ fit.residual)) / misfit
     return move_coordinates(fit, S @ np.column_stack([left, likely]))
-
-
-def move_coordinates(fit: ExtendedFit, S: Array) -> Array:
-    """By how much a fit's coordinates stand elsewhere where something is there besides: C Jᵀ S.
-
-    Parameters
-    ----------
-    fit
-        Of the runs.
-    S
-        What it does to the rows over σ, (N, …).
-
-    Returns
-    -------
-    ndarray
-        (7, …); 0 of coordinates that are held.
-
-    Examples
-    --------
-    Nothing moves nothing:
-
-    >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.closing.forcers import move_coordinates
-    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
-    >>> move_coordinates(draw_fit(), np.zeros(draw_fit().design.shape[0])).tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    """
-    columns = list(fit.layout.coordinates)
-    out = np.zeros((COUNT, *S.shape[1:]))
-    out[columns] = (fit.covariance @ fit.design.multiply_transposed(S))[: len(columns)]
-    return out

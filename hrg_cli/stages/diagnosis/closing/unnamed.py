@@ -16,13 +16,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....fitting.causes.evidence import Score
-from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.least_squares import invert_information
+from ....fitting.causes.moves import move_by_causes
 from ..fits.scoring import compute_worth, is_gross, score_effects
 from ..search.pairs import recall_pairs
 from ..search.search_case import Case
 from ..thresholds import FURTHER
-from .forcers import move_coordinates
 
 Array = np.ndarray
 CERTAIN = 100.0
@@ -62,7 +60,7 @@ def estimate_moves_of_unnamed(case: Case) -> dict[str, Array]:
     whole = 1 + sum(odds for odds, _ in likely)
     moves: dict[str, list[Array]] = {}
     for odds, scores in likely:
-        moved = np.sqrt(odds / whole) * _move_by(fit, scores)
+        moved = np.sqrt(odds / whole) * move_by_causes(fit, scores)
         for one in scores:
             moves.setdefault(one.name, []).append(moved / np.sqrt(len(scores)))
     return {name: np.stack(columns, axis=1) for name, columns in moves.items()}
@@ -83,13 +81,3 @@ def _list_likely(case: Case) -> Iterator[tuple[float, list[Score]]]:
         odds = float(np.exp(min((worth - len(scores) * FURTHER) / 2, CERTAIN)))
         if odds > LIKELY:
             yield odds, scores
-
-
-def _move_by(fit: ExtendedFit, scores: list[Score]) -> Array:
-    """By how much the coordinates (7,) stand elsewhere where these causes are there."""
-    S = np.concatenate([one.columns for one in scores], axis=1)
-    size = np.linalg.norm(S, axis=0)
-    S = S / np.where(size > 0, size, 1.0)
-    free = fit.basis.project_out(fit.basis.project_out(S))
-    estimate = invert_information(free.T @ free) @ (free.T @ fit.residual)
-    return move_coordinates(fit, S @ estimate)

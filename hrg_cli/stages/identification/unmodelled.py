@@ -1,0 +1,150 @@
+"""Whether something of the catalogue, too small for any other check, moves the resonator that is
+told.
+
+A damping that falls with the amplitude may take 60 off the χ² of 16 000 values, which is white and
+1.00 to every test of the residual, and stand for 20 σ of the damping. Given that it is there, of
+sensitivity S and estimate p̂ beside the resonator, the parameters stand by C Jᵀ S p̂ elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...effects import EFFECTS
+from ...fitting.causes import evidence
+from ...fitting.causes.evidence import Score
+from ...fitting.causes.extended_fit import ExtendedFit
+from ...fitting.causes.moves import move_by_causes
+from ...fitting.checks import Check, check_at_most
+from ...fitting.envelopes import coordinates
+from ...fitting.envelopes.condensed import IN_MEMORY
+from ...records import Wave
+from ..diagnosis.base.joint_fit import fit_base
+from ..diagnosis.fits.scoring import compute_worth, is_gross, score_effects
+from ..diagnosis.fits.variants import list_variants
+from ..diagnosis.thresholds import INADEQUATE, WORTH
+from .closing import close_verdict
+from .outcome import Verdict
+
+Array = np.ndarray
+MOVED = 3.0
+"""Standard deviations of its own by which a cause that is there may move a parameter that is told
+without a word."""
+
+
+@dataclass(frozen=True)
+class Mover:
+    """A cause that stands out of the noise: what it is worth, its z, and the parameter that it
+    moves most, by how many of that one's σ."""
+
+    cause: str
+    worth: float
+    z: float
+    parameter: str
+    moved: float
+
+
+def doubt_beside_causes(
+    verdict: Verdict,
+    waves: Sequence[Wave],
+    rate_rad_s: float | None,
+    earth_rad_s: float,
+    scale_factor: float | None,
+    rows: int,
+) -> None:
+    """Add to a verdict the check that no cause which these runs show moves its parameters.
+
+    Nothing is asked where the resonator fails to hold the runs at all, nor of more windows than fit
+    into memory.
+
+    Parameters
+    ----------
+    verdict
+        Of all runs, closed but for this.
+    waves
+        Of the runs.
+    rate_rad_s
+        Constant rate of the table; None: as logged.
+    earth_rad_s
+        The Earth's part along the axis, which no log shows.
+    scale_factor
+        That is held; None: it is not known.
+    rows
+        Fewest averaged rows a run.
+
+    Examples
+    --------
+    Of a record that shows two modes and no ellipse nothing is asked:
+
+    >>> from types import SimpleNamespace as Told
+    >>> from hrg_cli.stages.identification.unmodelled import doubt_beside_causes
+    >>> verdict = Told(values={"frequency_hz": 1e3, "damping_rate_1_s": 0.1}, refused=[], checks=[])
+    >>> doubt_beside_causes(verdict, [], None, 0.0, None, 300)
+    >>> verdict.checks
+    []
+    """
+    modes_alone = "damping_split_1_s" not in verdict.values
+    if modes_alone or verdict.refused or sum(map(len, waves)) > IN_MEMORY:
+        return
+    turned = [_turn(wave, rate_rad_s, earth_rad_s) for wave in waves]
+    fit = fit_base(turned, scale_factor=scale_factor, blocks=rows, free_phase=False)
+    if is_gross(fit):
+        return
+    close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, verdict)))])
+
+
+def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
+    """A wave at the rate that it was identified at."""
+    logged = 0.0 if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
+    table = logged if rate_rad_s is None else rate_rad_s
+    return wave.replace(rate_rad_s=np.zeros(len(wave)) + table + earth_rad_s)
+
+
+def _list_movers(fit: ExtendedFit, verdict: Verdict) -> Iterator[Mover]:
+    """The causes that stand out of the noise as sure as they do for a diagnosis, and what each
+    moves.
+
+    What happens at an instant of one run is that run's, which is held against the others."""
+    noise = float(verdict.details.get("variance_factor", 1.0))
+    candidates = list_variants([one for one in EFFECTS if not one.of_one_run], fit)
+    for score, variant in score_effects(fit, candidates):
+        worth = compute_worth(score, variant, fit, noise) if score.visible else 0.0
+        if worth < WORTH:
+            continue
+        z, p = evidence.find_significance(score.gain / noise, score.rank)
+        if evidence.correct_for_tries(p, len(candidates)) < INADEQUATE:
+            yield Mover(score.name, worth, z, *_find_moved_most(fit, score, verdict))
+
+
+def _find_moved_most(fit: ExtendedFit, score: Score, verdict: Verdict) -> tuple[str, float]:
+    """The parameter that a cause of the estimated size moves most, and by how many σ."""
+    _, slopes = coordinates.to_parameters(fit.point.p, verdict.mode_number)
+    moved = slopes @ move_by_causes(fit, [score])
+    told = {
+        name: abs(by) / verdict.std[name]
+        for name, by in zip(verdict.order[1:], moved, strict=True)
+        if name in verdict.values and verdict.std[name] > 0
+    }
+    return max(told.items(), key=lambda pair: pair[1])
+
+
+def _check(movers: Sequence[Mover]) -> Check:
+    """The closing check of what the likely cause moves most, or one that is as likely."""
+    if not movers:
+        return check_at_most("unmoved_by_causes", 0.0, MOVED)
+    best = max(movers, key=lambda one: one.worth)
+    as_likely = [one for one in movers if one.worth > best.worth - WORTH]
+    worst = max(as_likely, key=lambda one: one.moved)
+    what = f"{best.cause} ({best.z:.2g} σ) or what is like it"
+    if worst is not best:
+        what = f"{best.cause} ({best.z:.2g} σ) or, as likely, {worst.cause}"
+    return check_at_most(
+        "unmoved_by_causes",
+        worst.moved,
+        MOVED,
+        f"the runs show {what}, which moves {worst.parameter} by {worst.moved:.2g} of its standard"
+        " deviations; run diagnose, which says what it is, or give runs without it",
+    )
