@@ -13,6 +13,7 @@ from .columns import (
     LOGGED,
     NEAR_OR_FLAGGED,
     Array,
+    Valid,
     attribute,
     column,
 )
@@ -75,6 +76,15 @@ class Wave(Windowed):
         valid=LOGGED,
     )
     units: str = attribute("unit of the amplitudes", default="1", name="amplitude_units")
+    carrier_phase_difference_rad: float | None = attribute(
+        "the carrier's phase ψ of S less that of C, taken off where it is more than 5 standard"
+        " deviations",
+        default=None,
+        dtype="f8",
+    )
+    carrier_phase_difference_std: float | None = attribute(
+        "its standard deviation", default=None, dtype="f8", valid=Valid(at_least=0)
+    )
 
     def good(self) -> Array:
         """Rows that are neither flagged nor failed.

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from ..errors import HrgError
 from ..records import Array, Periods, Wave
+from .estimation.channel_carriers import align_channels, measure_phase_difference
 from .estimation.continuity import make_continuous
 from .estimation.late_rate import read_rate_in_time
 from .estimation.solution import LastSolution, SolverSettings, solve_block
@@ -117,13 +118,20 @@ def estimate(
     emitted: Wave | None = None
     waiting: Wave | None = None
     rate = read_rate_in_time(periods, rate_late_s) if rate_late_s else None
+    direct = periods.readout == "direct"
+    apart = None if direct else measure_phase_difference(periods, BLOCK_ROWS)
     rows = 0
     for block in periods.blocks(BLOCK_ROWS):
-        x, misfit, iterations, last = solve_block(
-            np.asarray(block.signals, float), periods.readout == "direct", how, last
-        )
+        signals = np.asarray(block.signals, float)
+        if apart is not None and apart.stands_out:
+            signals = align_channels(signals, apart.value)
+        x, misfit, iterations, last = solve_block(signals, direct, how, last)
         context = make_continuous(x, block, context)
         wave = write_block(block, x, misfit, iterations, how.carrier_phase_rad is not None)
+        if apart is not None:
+            wave = wave.replace(
+                carrier_phase_difference_rad=apart.value, carrier_phase_difference_std=apart.std
+            )
         if rate is not None:
             wave = wave.replace(rate_rad_s=rate[rows : rows + len(wave)])
         rows += len(wave)
@@ -182,8 +190,8 @@ def summarise(wave: Wave) -> dict[str, Any]:
     -------
     dict
         Windows and how many can be used; where one can, the ends of amplitude [its unit] and wave
-        angle [rad], the quadrature's rms over the amplitude, and the medians of frequency and angle
-        noise.
+        angle [rad], the quadrature's rms over the amplitude, the medians of frequency and angle
+        noise, and of a carrier by how much its phase in S is ahead of that in C.
 
     Examples
     --------
@@ -234,6 +242,11 @@ def summarise(wave: Wave) -> dict[str, Any]:
         else None
     )
     out["residual_rms"] = float(np.sqrt(np.mean(residual**2)))
+    if wave.carrier_phase_difference_rad is not None:
+        out["carrier_phase_difference_rad"] = {
+            "value": wave.carrier_phase_difference_rad,
+            "std": wave.carrier_phase_difference_std,
+        }
     return out
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .shape import Common, Number, Shape
+from .shape import Common, Number, Shape, Value
 
 
 class Flagged(Shape):
@@ -89,3 +89,5 @@ class Estimate(Common):
     """Median oscillation frequency."""
     residual_rms: Number = None
     """Rms of the redundant equations' residual."""
+    carrier_phase_difference_rad: Value | None = None
+    """The carrier's phase of S less that of C, taken off where it is more than 5 σ."""
