@@ -188,7 +188,9 @@ def make_temperature_course(time_s: Array, temperature_degc: Array | None) -> di
     return {"temperature": {"kind": "points", "time_s": times, "temperature_degc": values}}
 
 
-def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], list[list[float]]]:
+def fit_chords(
+    logs: Sequence[Course], length_s: float, share: float = CHORDS
+) -> tuple[list[float], list[list[float]]]:
     """Corners of straight lines that have the integrals of logs, to fourth order of the lines'
     lengths.
 
@@ -201,6 +203,8 @@ def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], li
         Courses of the same rows; the lines of all of them have the same corners.
     length_s
         Time up to which the lines go, from 0, s.
+    share
+        Part of its range by which the lines may miss a log that bends.
 
     Returns
     -------
@@ -228,7 +232,7 @@ def fit_chords(logs: Sequence[Course], length_s: float) -> tuple[list[float], li
     corner = np.unique(
         np.concatenate(
             [
-                choose_points(fine, log.interpolate(fine), CHORDS if log.alpha.any() else COURSE)[0]
+                choose_points(fine, log.interpolate(fine), share if log.alpha.any() else COURSE)[0]
                 for log in logs
             ]
         )
