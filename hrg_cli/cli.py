@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
@@ -276,6 +277,8 @@ def _root(
 def main() -> None:
     """Entry point of the `hrg` script."""
     threads.use_one()
+    # no plugin of pydantic's is wanted: it would look for them in every package of the environment
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     streams.prepare()
     try:
         with streams.flush_at_end():

@@ -101,9 +101,10 @@ def fingerprint(recording: Recording) -> str:
     """
     length = len(recording.c)
     digest = hashlib.sha256(str(length).encode())
-    starts = np.unique(np.linspace(0, max(length - STRETCH, 0), STRETCHES).astype(int))
-    for start in starts:
-        for channel in recording.physical(int(start), min(int(start) + STRETCH, length)):
+    starts = np.linspace(0, max(length - STRETCH, 0), STRETCHES).astype(int)
+    # each once; `np.unique` would load the masked arrays
+    for start in dict.fromkeys(starts.tolist()):
+        for channel in recording.physical(start, min(start + STRETCH, length)):
             digest.update(np.ascontiguousarray(channel, dtype="<f8").tobytes())
     return digest.hexdigest()
 

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from ..fitting.medians import find_median
 from ..fitting.samples.demodulator import Demodulator
 from ..fitting.samples.even import make_even_rows
 from ..fitting.samples.looks import take_looks
@@ -115,8 +116,10 @@ def demodulate(
         notes.append(f"its clock had run {origin_s:.15g} s; times count from the first sample on")
     if nominal_frequency_hz is not None:
         recording = recording.replace(nominal_frequency_hz=nominal_frequency_hz)
-    recording = mask_wild(recording, take_looks(recording, recording.time_s is None, name))
-    looked = survey(recording, name)
+    looks = take_looks(recording, recording.time_s is None, name)
+    tame = mask_wild(recording, looks)
+    looked = survey(tame, name, looks if tame is recording else None)
+    recording = tame
     found = find_run_down(recording, looked)
     if found is not None:
         notes.extend(found.notes)
@@ -235,8 +238,7 @@ def summarise(periods: Periods) -> dict[str, Any]:
         "not_finite": FLAG_NOT_FINITE,
         "settling": FLAG_SETTLING,
     }
-    every = max(1, len(periods) // SUMMARY_ROWS)
-    rms = np.asarray(periods.residual_rms[::every])
+    rms = _thin(periods.residual_rms)
     counts = dict.fromkeys(names, 0)
     for start in range(0, len(periods), SUMMARY_ROWS):
         flags = np.asarray(periods.flags[start : start + SUMMARY_ROWS])
@@ -265,12 +267,21 @@ def summarise(periods: Periods) -> dict[str, Any]:
             else 0.0
         ),
         "residual_rms": [
-            float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else None
+            float(find_median(column[np.isfinite(column)])) if np.isfinite(column).any() else None
             for column in rms.T
         ],
         "flagged": counts,
         "residual_lines": lines,
     }
+
+
+def _thin(column: Any) -> Any:
+    """Every nth row of a column, n such that `SUMMARY_ROWS` are left at least; read block by block,
+    as single rows take HDF5 twice as long as all of them."""
+    every = max(1, len(column) // SUMMARY_ROWS)
+    step = every * (1 + SUMMARY_ROWS // every)
+    starts = range(0, max(1, len(column)), step)
+    return np.concatenate([np.asarray(column[start : start + step])[::every] for start in starts])
 
 
 def _write_periods(run: Demodulator, rows: Rows, judge: StreamJudge) -> Periods:

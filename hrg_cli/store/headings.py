@@ -335,8 +335,13 @@ def _kind(file: h5py.File, path: Path) -> type[Record]:
             f"{path}: its kind is {kind!r}, expected one of {', '.join(BY_NAME)}; write the file"
             f" again with hrg {__version__}"
         )
-    for field_name, spec in BY_NAME[kind].columns().items():
-        need_inside(file, path, find_place(BY_NAME[kind], field_name, spec))
+    places = [
+        (find_place(BY_NAME[kind], field_name, spec), spec)
+        for field_name, spec in BY_NAME[kind].columns().items()
+    ]
+    # attributes are where what they belong to is, which is asked once
+    for place in dict.fromkeys(at if spec.dims else at.rpartition("/")[0] for at, spec in places):
+        need_inside(file, path, place)
     return BY_NAME[kind]
 
 

@@ -9,6 +9,7 @@ zero, as after a lost disk sector, never lets it advance.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,8 @@ SIGNATURE = b"GCOL\x01\x00\x00\x00"
 SCANNED_BYTES = 8 << 20
 """Of a longer file so much of its head and of its tail is looked through; texts are written
 there."""
+PIECE_BYTES = 1 << 18
+"""So much is read at a time, into memory that the processor's cache holds."""
 STEP = 16
 """Bytes of the heading of a collection, and of each object in it."""
 
@@ -56,14 +59,13 @@ def check_heaps(path: Path) -> None:
     # where a map ends the process (SIGBUS).
     with open(path, "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size
-        for start in [0] if size <= SCANNED_BYTES else [0, size - SCANNED_BYTES]:
-            part = _Part(file.fileno(), start, os.pread(file.fileno(), SCANNED_BYTES, start))
+        for part in _read_pieces(file.fileno(), size):
             at = part.content.find(SIGNATURE)
             while at >= 0:
-                if not _ends(part, start + at, size):
+                if not _ends(part, part.start + at, size):
                     raise HrgError(
-                        f"{path}: is damaged (the texts at byte {start + at} are overwritten); copy"
-                        " or record it again"
+                        f"{path}: is damaged (the texts at byte {part.start + at} are overwritten);"
+                        " copy or record it again"
                     )
                 at = part.content.find(SIGNATURE, at + len(SIGNATURE))
 
@@ -82,6 +84,15 @@ class _Part:
         if first + length <= len(self.content):
             return self.content[first : first + length]
         return os.pread(self.handle, length, place)
+
+
+def _read_pieces(handle: int, size: int) -> Iterator[_Part]:
+    """The file's head and tail, piece by piece; a signature across two of them is in the first."""
+    for start in [0] if size <= SCANNED_BYTES else [0, size - SCANNED_BYTES]:
+        stop = min(start + SCANNED_BYTES, size)
+        for first in range(start, stop, PIECE_BYTES):
+            length = min(PIECE_BYTES + len(SIGNATURE) - 1, stop - first)
+            yield _Part(handle, first, os.pread(handle, length, first))
 
 
 def _ends(part: _Part, at: int, size: int) -> bool:

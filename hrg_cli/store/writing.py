@@ -31,7 +31,7 @@ from ..records import GROWING, Column, Record
 from ..version import __version__
 from .atomic import collect_lost_writes, write_whole
 from .checksums import Running, seal
-from .handles import explain_reading, need_readable
+from .handles import CACHE_BYTES, explain_reading, need_readable
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord, find_place, make_default
 from .validity import WrittenBlocks
 
@@ -184,7 +184,10 @@ def write(
                 _need_space(block, Path(path))
                 if file is None:
                     # Readable by HDF5 1.10 and what is built on it: MATLAB and older netCDF.
-                    file = h5py.File(temporary, "w", libver=("earliest", "v110"))
+                    # Whole chunks go to the disk while the processor's cache still holds them.
+                    file = h5py.File(
+                        temporary, "w", libver=("earliest", "v110"), rdcc_nbytes=CACHE_BYTES
+                    )
                     _create(file, block, running)
                 else:
                     _append(file, block, running)

@@ -470,6 +470,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         (
             ("if step <= 0:", "if False:"),
             ("[0] if size <= SCANNED_BYTES else [0, size - SCANNED_BYTES]", "[0]"),
+            ("PIECE_BYTES + len(SIGNATURE) - 1", "PIECE_BYTES"),
             ("return os.pread(self.handle, length, place)", "return self.content[first : first + length]"),
         ),
     ),

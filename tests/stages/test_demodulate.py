@@ -3,6 +3,7 @@ streams, flags."""
 
 import dataclasses
 import tracemalloc
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -395,6 +396,15 @@ def test_harmonics_and_mains_are_kept_as_lines_and_do_not_spoil_the_standard_dev
         and held["residual_lines"][0]["power_ratio"] > 100
         and held["flagged"]["clipped"] == 0
     )
+
+
+def test_the_summary_of_a_long_file_is_that_of_every_nth_row(monkeypatch) -> None:
+    c, s = oscillation()
+    made = collect(demodulate(recording(c, s, 40_000.0)))
+    monkeypatch.setattr(import_module("hrg_cli.stages.demodulate"), "SUMMARY_ROWS", 100)
+    every = len(made) // 100
+    told = summarise(made)["residual_rms"]
+    assert told == np.median(made.residual_rms[::every], axis=0).tolist()
 
 
 def test_the_frequency_is_found_beside_larger_tones_with_a_hint() -> None:

@@ -91,6 +91,15 @@ def test_the_tail_of_a_long_file_is_looked_at(tmp_path, monkeypatch):
         heaps.check_heaps(path)
 
 
+@pytest.mark.parametrize("place", [57, 60, 63, 64])
+def test_a_heap_across_two_pieces_is_looked_at(place, tmp_path, monkeypatch):
+    monkeypatch.setattr(heaps, "PIECE_BYTES", 64)
+    path = tmp_path / "x.h5"
+    path.write_bytes(bytes(place) + collection(48, (0, 0, 16)) + bytes(200))
+    with pytest.raises(HrgError, match=f"texts at byte {place} are overwritten"):
+        heaps.check_heaps(path)
+
+
 def test_a_collection_may_go_on_behind_the_part_that_was_read(tmp_path, monkeypatch):
     monkeypatch.setattr(heaps, "SCANNED_BYTES", 64)
     path = tmp_path / "x.h5"

@@ -13,6 +13,8 @@ from math import comb
 
 import numpy as np
 
+from ..medians import find_median
+
 Array = np.ndarray
 FEWEST = 16
 """Differences from which a scatter is a scatter."""
@@ -63,7 +65,7 @@ def estimate_scattered_variance(envelope: Array, own: Array, every: int = 1) -> 
     differences = differences[np.isfinite(differences)]
     if len(differences) < FEWEST:
         return float("nan")
-    return float(np.median(differences) / np.log(2) / (2 * GAIN) / np.median(own))
+    return float(find_median(differences) / np.log(2) / (2 * GAIN) / find_median(own))
 
 
 def settle_by_scatter(pooled: Array, share: Array, freedom: Array, seen: float) -> Array:

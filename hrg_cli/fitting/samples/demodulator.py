@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import FLAG_CLIPPED, Recording
+from ..medians import find_known_median, find_median
 from ..noise.window_scatter import estimate_scattered_variance, settle_by_scatter
 from .basis import WindowBasis, build_columns, build_window_basis
 from .frequency import list_bands, list_nuisances
@@ -402,11 +403,11 @@ class Demodulator:
             left2 = fits.residual2.sum(0) / np.maximum(fits.samples, 1)
             wave2 = (np.abs(fits.envelope) ** 2).sum((0, 2)) / 2
             if np.isfinite(left2).any():
-                relative = np.nanmedian(left2 / np.maximum(wave2, 1e-300))
+                relative = find_known_median(left2 / np.maximum(wave2, 1e-300))
                 unheld = self._measure_unheld(fits, times, local_hz, noise2)
-                levels.append((np.nanmedian(left2), relative, unheld))
+                levels.append((find_known_median(left2), relative, unheld))
         if levels:
-            power, relative, self.unheld = (float(x) for x in np.median(levels, axis=0))
+            power, relative, self.unheld = (float(x) for x in find_median(levels, axis=0))
             self.calm = power, relative
 
     def _measure_unheld(self, fits: Fits, times: Array, local_hz: float, noise2: Array) -> float:
@@ -415,8 +416,9 @@ class Demodulator:
         turn = self.compute_turns(float(times[0]), len(times))
         still = self._take_motion_off(fits, turn, times, local_hz)
         known = 0.0 if still.known_residual2 is None else still.known_residual2
-        left2 = np.nanmedian((fits.residual2 - known) / np.maximum(fits.freedom, 1), axis=1)
-        wave2 = np.nanmedian((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
+        each = (fits.residual2 - known) / np.maximum(fits.freedom, 1)
+        left2 = np.array([find_known_median(one) for one in each])
+        wave2 = find_known_median((np.abs(fits.envelope) ** 2).sum((0, 2)) / 2)
         if left2.sum() <= UNHELD_NOISE * noise2.sum():
             return 0.0
         return float(np.sqrt((left2 - noise2).sum() / max(wave2, 1e-300)))
@@ -447,7 +449,7 @@ class Demodulator:
         bent = doubt > std / 2
         self.bent += int(np.count_nonzero(bent))
         if bent.any():
-            self.bent_by = max(self.bent_by, float(np.median(doubt[bent] / std[bent])))
+            self.bent_by = max(self.bent_by, float(find_median(doubt[bent] / std[bent])))
 
     def fill(
         self, fits: Fits, times: Array, local_hz: float, keep: slice, out: Rows, rows: slice

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..medians import find_median
 from .basis import Pull
 from .windows import sum_energy
 
@@ -207,7 +208,7 @@ def estimate_curvatures(
         return _spread(second, h, turn), np.zeros(u.shape)
     fourth = _spread(CURVED * window_s**2 * bend(second), h, turn)
     # medians: what a strike leaves at an end of the run is not in the other windows
-    fourth2, second2 = (np.median(np.abs(one) ** 2, axis=1) for one in (fourth, second))
+    fourth2, second2 = (find_median(np.abs(one) ** 2, axis=1) for one in (fourth, second))
     size = np.sqrt(fourth2 / np.maximum(second2, 1e-300))
     doubt = np.broadcast_to((4 * size * np.sqrt(fourth2))[:, None], u.shape).copy()
     second = second - fourth

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..medians import find_median
 from ..parabola import find_peak_offset
 from .basis import build_columns, build_rotations
 from .spectrum import compute_chi_square_excess
@@ -278,7 +279,7 @@ def find_peak(
     near = power[
         (frequency_hz >= 0.5 * frequency_hz[top]) & (frequency_hz <= 2 * frequency_hz[top])
     ]
-    below = float(np.median(near))
+    below = float(find_median(near))
     ratio = float(power[top]) / below if below > 0 else (np.inf if power[top] > 0 else 0.0)
     offset = float(np.clip(find_peak_offset(power[top - 1 : top + 2]), -0.5, 0.5))
     return float(frequency_hz[top] + offset * (frequency_hz[1] - frequency_hz[0])), ratio
@@ -355,7 +356,7 @@ def refine_frequency(
     samples = max(int(np.ceil(2 * n / (frequency_hz * duration))), 4 * len(f) + 4, n // 64)
     count = n // samples
     steps = np.diff(time_s)
-    broken = len(steps) and steps.max() > 3 * np.median(steps)
+    broken = len(steps) and steps.max() > 3 * find_median(steps)
     # The phase between halves wants two sub-windows in each, and means nothing across a gap.
     if count < 4 or broken:
         return (

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..medians import find_median
+
 Array = np.ndarray
 
 FEWEST_VALUES = 8
@@ -98,7 +100,7 @@ def find_least_count(parts: Iterable[Array]) -> float:
     if len(steps) < FEWEST_VALUES - 1:
         return 0.0
     step = float(steps.min())
-    if step <= floor or np.median(steps) > WIDEST * step:
+    if step <= floor or find_median(steps) > WIDEST * step:
         return 0.0
     for near in (
         4.5,

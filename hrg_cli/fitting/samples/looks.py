@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import HrgError
 from ...records import Recording
 from ...records.recording import ONE_CHANNEL
+from ..medians import find_median
 from .least_count import count_values, find_least_count
 from .stillness import FEWEST, find_still, mark_stretches
 
@@ -178,7 +179,7 @@ def keep_together(look: Look) -> Look:
     (14.0, 20)
     """
     steps = np.diff(look.time_s)
-    near = steps <= APART * len(steps) * float(np.median(steps))
+    near = steps <= APART * len(steps) * float(find_median(steps))
     part = _find_longest(near)
     return look if near.all() else _cut_look(look, slice(part.start, part.stop + 1))
 

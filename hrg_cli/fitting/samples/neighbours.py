@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..medians import find_median
+
 Array = np.ndarray
 Motion = tuple[Array, ...]
 
@@ -44,7 +46,7 @@ def find_local_median(values: Array, reach: int) -> Array:
     """
     padded = np.pad(values, reach, mode="reflect")
     rows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    return np.asarray(np.median(rows, axis=1))
+    return np.asarray(find_median(rows, axis=1))
 
 
 def estimate_from_neighbours(

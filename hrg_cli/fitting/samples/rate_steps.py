@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..medians import find_median
+
 Array = np.ndarray
 ABOVE = 10.0
 """Times the usual change from row to row that makes a step."""
@@ -51,7 +53,7 @@ def find_steps(rate_rad_s: Array, good: Array, sigmas_per_rad_s: Array) -> list[
     if len(jump) < 8 or not jump.any():
         return []
     big = np.flatnonzero(
-        (jump > ABOVE * np.median(jump[good[1:]]))
+        (jump > ABOVE * find_median(jump[good[1:]]))
         & (jump > LEAST * np.abs(rate_rad_s).max())
         & (jump * sigmas_per_rad_s > MATTERS)
     )

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...records import Recording
+from ..medians import find_median
 from .survey import Survey
 
 Array = np.ndarray
@@ -117,7 +118,7 @@ def _judge_course(course: _Course) -> RunDown | None:
     if n < 4 * FEWEST_END:
         return None
     first, last = _find_strike(course), n
-    if course.wave[first:].max() > CLEAR * np.median(course.floor):
+    if course.wave[first:].max() > CLEAR * find_median(course.floor):
         last = _find_end(course, first)
         last = min(last, _find_disturbance(course, first, last))
     notes = []
@@ -144,7 +145,7 @@ def _find_strike(course: _Course) -> int:
         after = min(k + 1, len(wave) - 1)
         peak = wave[k : k + BEFORE].max()
         if (
-            np.median(wave[:k] / course.floor[:k]) > GONE
+            find_median(wave[:k] / course.floor[:k]) > GONE
         ):  # a wave is there already: what follows is a beat
             return 0
         if (
@@ -178,8 +179,8 @@ def _find_disturbance(course: _Course, first: int, last: int) -> int:
     best, found = 0.0, last
     for k in range(first + (last - first) // 2, last - FEWEST_END + 1):
         before, after = slice(max(first, k - BEFORE), k), slice(k, last)
-        rise = float(np.median(log_rest[after]) - np.median(log_rest[before]))
-        if rise < np.log(LOUDER) or np.mean(log_rest[after] > np.median(log_rest[before])) < 0.9:
+        rise = float(find_median(log_rest[after]) - find_median(log_rest[before]))
+        if rise < np.log(LOUDER) or np.mean(log_rest[after] > find_median(log_rest[before])) < 0.9:
             continue
         slow, fast = (
             float(np.polyfit(time[part], log_wave[part], 1)[0]) for part in (before, after)
@@ -245,7 +246,7 @@ def _measure_course(pieces: Iterable[tuple[Array, Array]], survey: Survey) -> _C
                 time_s[0],
                 time_s[-1],
                 float(power[0]),
-                float(np.median(power[1:])),
+                float(find_median(power[1:])),
                 max(whole - float(power[0]), 1e-12 * whole),
             )
         )

@@ -3,11 +3,11 @@ mains, aliases, leakage)."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..medians import find_median
 from .basis import WindowBasis, build_columns, build_pairs, build_rotations
 
 Array = np.ndarray
@@ -102,7 +102,7 @@ def _does_stand_out(residual: Array, turns: float, y: Array) -> bool:
     reach = min(MOTIONS[-1][0] * MOTIONS[-1][1], power.shape[-1] // 8)
     # bin k of the transform is k turns within the look
     near = power[:, max(0, int(turns) - reach) : int(turns) + reach]
-    return bool(near.size and (near.max(-1) > MOTION_PEAK * np.median(power, axis=-1)).any())
+    return bool(near.size and (near.max(-1) > MOTION_PEAK * find_median(power, axis=-1)).any())
 
 
 def _subtract_oscillation(
@@ -164,7 +164,7 @@ class AveragedSpectrum:
             spectrum = np.fft.rfft(residual * window)
             norm = 2 * step / (window**2).sum()
         else:
-            step = float(np.median(np.diff(time_s)))
+            step = float(find_median(np.diff(time_s)))
             spectrum = (residual * window) @ build_rotations(
                 time_s - time_s[0], self.frequency_hz
             ).T
@@ -221,14 +221,19 @@ def find_floor(density: Array, bins: int = 65) -> Array:
     n = len(density)
     starts = np.arange(0, max(1, n - bins // 2), bins)
     centres = np.array([(a + min(a + bins, n) - 1) / 2 for a in starts.tolist()])
-    told = density > BLIND * np.median(density, axis=0)
-    out = np.empty(density.shape)
+    # a table (block, bin in it, channel), of which the bins that tell stand first when it is sorted
+    table = np.full((len(starts) * bins, density.shape[1]), np.inf)
+    told = (density > BLIND * find_median(density, axis=0))[: len(table)]
+    table[: len(told)][told] = density[: len(table)][told]
+    table = np.sort(table.reshape(len(starts), bins, -1), axis=1)
+    out = np.zeros(density.shape)
     for k in range(density.shape[1]):
-        blocks = [density[a : a + bins, k][told[a : a + bins, k]] for a in starts]
+        count = np.isfinite(table[:, :, k]).sum(axis=1)
         # a block that is blind but for a corner lies between its neighbours
-        seen = np.array([4 * len(block) >= min(bins, n) for block in blocks])
-        medians = [float(np.median(block)) for block in itertools.compress(blocks, seen)]
-        out[:, k] = np.interp(np.arange(n), centres[seen], medians) if medians else 0.0
+        (seen,) = np.nonzero(4 * count >= min(bins, n))
+        if len(seen):
+            low, high = table[seen, (count[seen] - 1) // 2, k], table[seen, count[seen] // 2, k]
+            out[:, k] = np.interp(np.arange(n), centres[seen], (low + high) / 2)
     return out
 
 
@@ -296,7 +301,7 @@ def estimate_correlation(
     each = np.stack(averaged.parts)[..., quiet] / np.sqrt(level[quiet].T)
     power = (np.abs(each) ** 2).sum(axis=-1)
     common = (each[:, 0] * each[:, 1].conj()).real.sum(axis=-1)
-    found = float(np.median(common / np.maximum(np.sqrt(power.prod(axis=-1)), 1e-300)))
+    found = float(find_median(common / np.maximum(np.sqrt(power.prod(axis=-1)), 1e-300)))
     return found if abs(found) > max(UNCORRELATED, 4 / np.sqrt(count)) else 0.0
 
 
@@ -560,7 +565,7 @@ def _fill_blind_bins(
             np.searchsorted(frequency_hz, high, side="right"),
         )
         beside = [density[max(0, first - BESIDE) : first], density[last : last + BESIDE]]
-        levels = [np.median(part, axis=0) for part in beside if len(part)]
+        levels = [find_median(part, axis=0) for part in beside if len(part)]
         if levels:
             filled[first:last] = below[first:last] = np.mean(levels, axis=0)
     return filled, below

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..medians import find_known_median, find_median
 from ..noise.window_scatter import estimate_scattered_variance
 from .envelope_motion import (
     compute_motion_residual,
@@ -45,7 +46,7 @@ def _find_sure(fits: Fits) -> Array | None:
     variance = fits.variance.mean(axis=1)
     if len(variance) == 1:
         return None
-    return np.asarray(variance < UNSURE * np.nanmedian(variance))
+    return np.asarray(variance < UNSURE * find_known_median(variance))
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ class MotionWithin:
             * float(np.abs(fits.curvature.alpha[::PROBE]).mean(0).max()) ** 2
         )
         freedom = fits.freedom if np.ndim(fits.freedom) == 0 else fits.freedom[::PROBE]
-        variance = float(np.median(fits.variance[::PROBE]))
+        variance = float(find_median(fits.variance[::PROBE]))
         own, every = fits.variance.mean(1), PROBE if u.shape[1] >= PROBED * PROBE else 1
         for k in range(2):
             noise2 = fits.residual2[k, ::PROBE] / np.maximum(freedom, 1) * variance
@@ -174,7 +175,7 @@ class MotionWithin:
             # the residual of few samples is their motion's: the scatter from window to window is
             # not
             seen = estimate_scattered_variance(u[k], own, every) * variance
-            if pull2[k] > 0.01 * np.fmin(np.median(noise2), seen):
+            if pull2[k] > 0.01 * np.fmin(find_median(noise2), seen):
                 return True
         return False
 

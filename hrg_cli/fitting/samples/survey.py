@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import HrgError
 from ...records import Recording
+from ..medians import find_median
 from . import frequency as finding
 from .looks import (
     LOOK_SAMPLES,
@@ -145,7 +146,7 @@ class FrequencyCourse:
         even = recording.time_s is None
         carrier = recording.carrier_hz if recording.readout == "carrier" else None
         dead = find_dead_channels(looks, name, recording.status_reasons)
-        step = float(np.median(np.concatenate([np.diff(look.time_s) for look in looks])))
+        step = float(find_median(np.concatenate([np.diff(look.time_s) for look in looks])))
         if not even:
             _need_rising_times(recording, looks, step, name)
         spectra = [finding.compute_even_power(look.y, 1 / step) for look in looks] if even else []
@@ -174,7 +175,7 @@ class FrequencyCourse:
             Its reference frequency is the looks' median, rounded to a micro-hertz.
         """
         # A micro-hertz: a number that a person can write down and that two machines agree on.
-        reference = float(np.round(np.median(self.track[1]), 6))
+        reference = float(np.round(find_median(self.track[1]), 6))
         away = rest.blind_hz
         at = finding.list_bands(reference, self.carrier_hz)
         skip = tuple((f - away, f + away) for f in (*at, 0.0))
@@ -206,7 +207,7 @@ class FrequencyCourse:
         )
 
 
-def survey(recording: Recording, name: str) -> Survey:
+def survey(recording: Recording, name: str, looks: Sequence[Look] | None = None) -> Survey:
     """Find what looks along a recording show before it is demodulated.
 
     Parameters
@@ -215,6 +216,8 @@ def survey(recording: Recording, name: str) -> Survey:
         Of both channels.
     name
         Of it, for what is said of it.
+    looks
+        Along it; None: they are taken.
 
     Returns
     -------
@@ -241,9 +244,9 @@ def survey(recording: Recording, name: str) -> Survey:
     >>> round(found.reference_hz, 4), (found.average_floor() / (2e-6 / 8000)).round(1).tolist()
     (1234.5, [1.0, 1.0])
     """
-    course = FrequencyCourse.from_looks(
-        recording, name, take_looks(recording, recording.time_s is None, name)
-    )
+    if looks is None:
+        looks = take_looks(recording, recording.time_s is None, name)
+    course = FrequencyCourse.from_looks(recording, name, looks)
     rest = _average_residual(
         course.looks, course.even, course.step_s, course.carrier_hz, course.track
     )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...records import Recording
+from ..medians import find_median
 from .looks import Look
 
 Array = np.ndarray
@@ -132,7 +133,7 @@ def mask_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
     Returns
     -------
     Recording
-        Its channels read as NaN where a sample is wild; as they are where nothing can be.
+        Its channels read as NaN where a sample is wild; the same one where nothing can be.
 
     Examples
     --------
@@ -148,8 +149,10 @@ def mask_wild(recording: Recording, looks: Sequence[Look]) -> Recording:
     >>> np.flatnonzero(np.isnan(masked.c[:])).tolist()
     [1234]
     """
-    channels = [_tame_channel(recording.c, looks, 0), _tame_channel(recording.s, looks, 1)]
-    return dataclasses.replace(recording, c=channels[0], s=channels[1])
+    c, s = _tame_channel(recording.c, looks, 0), _tame_channel(recording.s, looks, 1)
+    if c is recording.c and s is recording.s:
+        return recording
+    return dataclasses.replace(recording, c=c, s=s)
 
 
 def _tame_channel(values: Any, looks: Sequence[Look], k: int) -> Any:
@@ -159,7 +162,7 @@ def _tame_channel(values: Any, looks: Sequence[Look], k: int) -> Any:
     raws = [raw for raw in raws if len(raw) > 2 * ABOUT]
     if not raws:
         return values
-    middle = float(np.median([np.median(raw) for raw in raws]))
+    middle = float(find_median([find_median(raw) for raw in raws]))
     with np.errstate(over="ignore"):
         sizes = [np.abs(raw - middle) for raw in raws]
     tame = max(measure_tame(off) for off in sizes)

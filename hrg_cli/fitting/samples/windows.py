@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..medians import find_median
 from .basis import Pull, WindowBasis
 from .neighbours import find_local_median
 
@@ -185,7 +186,7 @@ def pool_variance(residual2: Array, freedom: Array, known: Array | None = None) 
     >>> pool_variance(left, np.array(40)).tolist()[5:10]
     [1.0, 1.0, 100.0, 1.0, 1.0]
     """
-    group = count_pooled_rows(float(freedom if np.ndim(freedom) == 0 else np.median(freedom))) * (
+    group = count_pooled_rows(float(freedom if np.ndim(freedom) == 0 else find_median(freedom))) * (
         1 if known is None else POOL_KNOWN
     )
     starts = np.arange(0, len(residual2), group)

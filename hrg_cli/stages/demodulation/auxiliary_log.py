@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import HrgError
+from ...fitting.medians import find_median
 from ...fitting.samples.course import (
     Course,
     Impulse,
@@ -44,7 +45,7 @@ class WindowLog:
         if time is None or not len(time):
             return
         self.time_s = np.asarray(time, float)
-        self.step_s = float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else np.inf
+        self.step_s = float(find_median(np.diff(self.time_s))) if len(self.time_s) > 1 else np.inf
         """Median step of the log."""
         if (np.diff(self.time_s) <= 0).any():
             raise HrgError(
