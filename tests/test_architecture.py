@@ -15,7 +15,7 @@ import hrg_cli
 from hrg_cli import Recording, store
 
 PACKAGE = Path(hrg_cli.__file__).parent
-BASE = {"units", "errors", "version", "extras", "threads"}
+BASE = {"units", "errors", "version", "extras", "threads", "allocation"}
 FITS = {*BASE, "fourier", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
 FILES = {*BASE, "records", "settings", "store"}
@@ -31,6 +31,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "extras": set(),
     "version": set(),
     "threads": set(),
+    "allocation": set(),
     "streams": {"errors"},
     "fourier": set(),
     "settings": {"errors"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..allocation import keep_freed
 from ..stages.demodulate import demodulate
 from .common import Common
 from .frame import NO_DRAWS, ONE_PROCESS, OneFile, make_command
@@ -20,4 +21,5 @@ from .options import make_flags
 def main(run: Common, /, recording: OneFile = None, **flags: Any) -> None:
     """Samples to signals per window: least squares at the oscillation frequency, which is found and
     followed."""
+    keep_freed()
     run_stage_on_files(run, "demodulate", [recording] if recording else [], **flags)

@@ -60,11 +60,9 @@ def estimate_slopes(u: Array, local_less_reference_rad_s: Array, window_s: float
     if h < 1:
         return None
     ahead = np.exp(-1j * local_less_reference_rad_s * h * window_s) / (2 * h * window_s)
-    return _spread(
-        u[:, 2 * h :] * ahead - u[:, : -2 * h] * ahead.conj(),
-        h,
-        np.exp(1j * local_less_reference_rad_s * window_s),
-    )
+    inner = u[:, 2 * h :] * ahead
+    inner -= u[:, : -2 * h] * ahead.conj()
+    return _spread(inner, h, np.exp(1j * local_less_reference_rad_s * window_s))
 
 
 def estimate_fine_slopes(
@@ -213,15 +211,15 @@ def estimate_curvatures(
     doubt = np.broadcast_to((4 * size * np.sqrt(fourth2))[:, None], u.shape).copy()
     second = second - fourth
     out = _spread(second, h, turn)
-    for i in range(1, h + 1):  # the ends continue a parabola; a third of its bend is the doubt
-        for end, near, back in ((h - i, 0, 1), (-h - 1 + i, -1, -1)):
-            first, next_, third = (
-                second[:, near + n * back] * turn ** (-(n + i) * back) for n in (0, 1, 2)
-            )
-            bent = i * (i + 1) / 2 * (first - 2 * next_ + third)
-            usable = np.isfinite(bent)
-            out[:, end] += np.where(usable, bent, 0.0)
-            doubt[:, end] = np.where(usable, np.hypot(doubt[:, end], np.abs(bent) / 3), 0.0)
+    beyond = np.arange(1, h + 1)
+    for ends, near, back in ((h - beyond, 0, 1), (beyond - h - 1, -1, -1)):
+        # the ends continue a parabola; a third of its bend is the doubt
+        first, next_, third = (second[:, near + n * back] * turn ** (-n * back) for n in (0, 1, 2))
+        grown = (beyond * (beyond + 1) / 2)[:, None] * turn ** (-back * beyond[:, None])
+        bent = (first - 2 * next_ + third)[:, None] * grown
+        usable = np.isfinite(bent)
+        out[:, ends] += np.where(usable, bent, 0.0)
+        doubt[:, ends] = np.where(usable, np.hypot(doubt[:, ends], np.abs(bent) / 3), 0.0)
     doubt[~np.isfinite(doubt)] = 0.0
     return out, doubt
 
@@ -298,12 +296,13 @@ def _spread(inner: Array, h: int, turn: Array) -> Array:
     row); what is not finite is 0."""
     out = np.empty((inner.shape[0], inner.shape[1] + 2 * h, inner.shape[2]), complex)
     out[:, h:-h] = inner
-    for i in range(1, h + 1):
-        if inner.shape[1] > h:
-            out[:, h - i] = 2 * inner[:, 0] * turn**-i - inner[:, i] * turn ** (-2 * i)
-            out[:, -h - 1 + i] = 2 * inner[:, -1] * turn**i - inner[:, -1 - i] * turn ** (2 * i)
-        else:
-            out[:, h - i], out[:, -h - 1 + i] = inner[:, 0] * turn**-i, inner[:, -1] * turn**i
+    beyond = np.arange(1, h + 1)
+    ahead = turn ** beyond[:, None]
+    first, last = inner[:, :1] * ahead.conj(), inner[:, -1:] * ahead
+    if inner.shape[1] > h:
+        first = 2 * first - inner[:, beyond] * (ahead * ahead).conj()
+        last = 2 * last - inner[:, -1 - beyond] * (ahead * ahead)
+    out[:, h - beyond], out[:, beyond - h - 1] = first, last
     if not np.isfinite(out.sum()):
         out[~np.isfinite(out)] = 0.0
     return out
@@ -347,7 +346,9 @@ def take_off_pull(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
     [0.004854, 0.0]
     """
     if u.shape[2] == 1 and len(by.alpha) == 1:
-        out = u - np.conj(motion) * (by.beta[0, 0, 0] * turn * turn)
+        out = np.conj(motion)
+        out *= by.beta[0, 0, 0] * turn * turn
+        np.subtract(u, out, out=out)
         # About the middle of even samples the α of a slope is a sum of odd terms: rounding, not
         # worth a pass.
         if abs(by.alpha[0, 0, 0]) > 1e-6 * abs(by.beta[0, 0, 0]):
