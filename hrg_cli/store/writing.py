@@ -27,7 +27,7 @@ import h5py
 import numpy as np
 
 from ..errors import DiskFullError, HrgError
-from ..records import GROWING, Column, Record
+from ..records import GROWING, Column, Record, collect
 from ..version import __version__
 from .atomic import collect_lost_writes, write_whole
 from .checksums import Running, seal
@@ -36,7 +36,8 @@ from .layout import FORMAT, FORMAT_VERSION, AnyRecord, find_place, make_default
 from .validity import WrittenBlocks
 
 HASHED_BYTES = 1 << 20
-ROW_CHUNK = {"recording": 1 << 18}
+ROW_CHUNK, ROW_CHUNK_OF_OTHERS = {"recording": 1 << 18}, 1 << 14
+"""Rows of a chunk, of some kinds of record and of the others."""
 _SCALE_ONLY = "This is a netCDF dimension but not a netCDF variable. %9d"
 
 
@@ -179,7 +180,7 @@ def write(
         promised = WrittenBlocks(path)
         running: dict[str, Running] = {}
         try:
-            for block in blocks:
+            for block in _join_small(blocks):
                 promised.check(block)
                 _need_space(block, Path(path))
                 if file is None:
@@ -216,6 +217,24 @@ def write(
     return last
 
 
+def _join_small(blocks: Iterable[AnyRecord]) -> Iterator[AnyRecord]:
+    """Blocks of a chunk's rows at least, but for the last: to append a few rows to every dataset
+    takes as long as to append thousands."""
+    held: list[AnyRecord] = []
+    for block in blocks:
+        held.append(block)
+        if sum(map(len, held)) >= _count_chunk_rows(block):
+            yield held[0] if len(held) == 1 else collect(held)
+            held = []
+    if held:
+        yield held[0] if len(held) == 1 else collect(held)
+
+
+def _count_chunk_rows(record: Record) -> int:
+    """Rows of a chunk of its datasets, at most."""
+    return ROW_CHUNK.get(record.kind, ROW_CHUNK_OF_OTHERS)
+
+
 def _need_space(block: Record, path: Path) -> None:
     """h5py cannot recover from a full disk, so ask before each block."""
     need = (4 << 20) if os.environ.get("HRG_NO_SPACE_MARGIN") is None else 0
@@ -247,7 +266,7 @@ def _create(file: h5py.File, record: Record, running: dict[str, Running]) -> Non
         options: dict[str, Any] = {}
         if growing:
             row_bytes = max(1, array[:1].nbytes) if len(array) else 8
-            rows = ROW_CHUNK.get(record.kind, 1 << 14) if spec.dims[0] == "row" else 4096
+            rows = _count_chunk_rows(record) if spec.dims[0] == "row" else 4096
             rows = max(16, min(rows, max(len(array), 16), (1 << 20) // row_bytes))
             options = {"maxshape": (None, *array.shape[1:]), "chunks": (rows, *array.shape[1:])}
             if spec.dtype == "raw":
