@@ -346,8 +346,7 @@ def take_off_pull(u: Array, motion: Array, turn: Array, by: Pull) -> Array:
     [0.004854, 0.0]
     """
     if u.shape[2] == 1 and len(by.alpha) == 1:
-        out = np.conj(motion)
-        out *= by.beta[0, 0, 0] * turn * turn
+        out = np.conj(motion) * (by.beta[0, 0, 0] * turn * turn)
         np.subtract(u, out, out=out)
         # About the middle of even samples the α of a slope is a sum of odd terms: rounding, not
         # worth a pass.
