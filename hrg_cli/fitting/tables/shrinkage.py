@@ -32,9 +32,10 @@ leaves no doubt; what they are too noisy to show does. Harmonics below 20 ppm th
 show count as absent."""
 ABSENT = 0.01
 """τ of an absent harmonic, in the same standard deviations."""
-ABSENT_TO_PRESENT = {"drift": (1.0, 4.0, 20.0), "scale": (0.1, 0.1, 5.0)}
-"""Odds before the data of harmonic 1, 2 and all higher ones of 2mθ (PHYSICS §0, harmonic theorem):
-one linear defect makes the first, two of them or a cubic term the second, more are needed above.
+ABSENT_TO_PRESENT = {"drift": (0.3, 1.0, 4.0, 20.0), "scale": (0.0, 0.1, 0.1, 5.0)}
+"""Odds before the data of harmonic 0, 1, 2 and all higher ones of 2mθ (PHYSICS §0, harmonic
+theorem): one linear defect makes the first or a constant drift, which electronics make besides; two
+of them or a cubic term the second, more are needed above. A scale factor there always is.
 Read-outs have some mismatch as a rule; absent harmonics within the sizes above are refuted by clean
 data whatever the odds."""
 UNSEEN = 1e-12
@@ -47,8 +48,8 @@ _Moments = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Doubtful:
-    """A harmonic that may be absent: places (J, 2) in the coefficients, the odds of that before the
-    data, and the sizes it may have."""
+    """A harmonic that may be absent: places (J, 2) in the coefficients, (J, 1) of a constant, the
+    odds of that before the data, and the sizes it may have."""
 
     places: Array
     odds: float
@@ -63,7 +64,8 @@ def find_doubtful_harmonics(
     scale_factor: float,
     beyond: Mapping[str, int] | None = None,
 ) -> list[Doubtful]:
-    """Every harmonic k ≥ 1 of the given kinds, each with the odds and the sizes it may have.
+    """Every harmonic of the given kinds that may be absent, each with the odds of that and the
+    sizes it may have: all of a drift, the mean scale factor excepted.
 
     Parameters
     ----------
@@ -83,15 +85,15 @@ def find_doubtful_harmonics(
 
     Examples
     --------
-    One linear defect makes harmonic 1 of the drift; harmonic 2 needs two of them, and is less
-    likely:
+    One linear defect makes a constant drift or harmonic 1; harmonic 2 needs two of them, and is
+    less likely:
 
     >>> import numpy as np
     >>> from hrg_cli.fitting.tables.shrinkage import find_doubtful_harmonics
     >>> from hrg_cli.fitting.tables.table_layout import TableLayout
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
     >>> [(one.places.tolist(), one.odds) for one in find_doubtful_harmonics(layout, ["drift"], 0.3)]
-    [([[1, 2]], 1.0), ([[3, 4]], 4.0)]
+    [([[0]], 0.3), ([[1, 2]], 1.0), ([[3, 4]], 4.0)]
     """
     out = []
     for kind in kinds:
@@ -102,18 +104,17 @@ def find_doubtful_harmonics(
             else (layout.scale_harmonics, layout.scale)
         )
         sizes = np.array(DRIFT_SIZES) if drift else np.array(SCALE_FACTOR_SIZES) * abs(scale_factor)
-        for k in range(1 + (beyond or {}).get(kind, 0), limit + 1):
-            places = np.array(
-                [part(j).start + np.array([2 * k - 1, 2 * k]) for j in range(len(layout.nodes))]
-            )
-            out.append(Doubtful(places, ABSENT_TO_PRESENT[kind][min(k, 3) - 1], sizes, drift))
+        first = 0 if drift else 1
+        for k in range(first if beyond is None else 1 + beyond[kind], limit + 1):
+            own = np.arange(max(2 * k - 1, 0), 2 * k + 1)
+            places = np.array([part(j).start + own for j in range(len(layout.nodes))])
+            out.append(Doubtful(places, ABSENT_TO_PRESENT[kind][min(k, 3)], sizes, drift))
     return out
 
 
 def average_over_doubt(
     information: Array,
     vector: Array,
-    seen: Array,
     doubtful: Sequence[Doubtful],
     seed: int,
     sweeps: int = SWEEPS,
@@ -125,8 +126,6 @@ def average_over_doubt(
     ----------
     information, vector
         Normal equations (size, size) and (size,) with unit noise.
-    seen
-        (size, p): the model's map, whose other directions stay at zero.
     doubtful
         The harmonics whose size is in doubt.
     seed
@@ -137,7 +136,7 @@ def average_over_doubt(
     Returns
     -------
     TableSolution
-        In the full set of coefficients.
+        Of all coefficients.
 
     Examples
     --------
@@ -149,16 +148,13 @@ def average_over_doubt(
     >>> layout = TableLayout(np.array([20.0]), "temperature", 2, 2, 0)
     >>> doubtful = find_doubtful_harmonics(layout, ["drift"], 0.3)
     >>> measured = np.array([0, 100, 0, 0.5, 0, 0.3])
-    >>> found = average_over_doubt(np.eye(6), measured, np.eye(6), doubtful, seed=0).coefficients
+    >>> found = average_over_doubt(np.eye(6), measured, doubtful, seed=0).coefficients
     >>> bool(found[1] > 99), bool(0 < found[3] < 0.25)
     (True, True)
     """
     generator = np.random.default_rng(seed)
-    active = np.flatnonzero(np.abs(seen).sum(axis=1) > 0)
-    place = {int(full): i for i, full in enumerate(active)}
-    groups = [np.vectorize(place.__getitem__)(d.places) for d in doubtful]
-    A, b = information[np.ix_(active, active)], vector[active]
-    A, flat = _fit_flat(A, b)
+    groups = [harmonic.places for harmonic in doubtful]
+    A, flat = _fit_flat(information, vector)
     b = A @ flat
     grids = [_prior_variances(A, flat, g, harmonic) for g, harmonic in zip(groups, doubtful)]
     # begun where nothing is shrunk
@@ -166,8 +162,8 @@ def average_over_doubt(
     nodes = len(groups[0]) if groups else 1
     one = COMMON_SHARE * np.ones((nodes, nodes)) + (1 - COMMON_SHARE) * np.eye(nodes)
     # a defect of the read-out is the same at all nodes but for its own course with temperature
-    prior = np.kron(one, np.eye(2))
-    inverse_prior = np.linalg.inv(prior)
+    priors = [np.kron(one, np.eye(g.shape[1])) for g in groups]
+    inverse_priors = [np.linalg.inv(prior) for prior in priors]
 
     def invert_without(n: int) -> Array:
         """Covariance with the priors of all harmonics but one; summed anew, since what a narrow
@@ -175,7 +171,7 @@ def average_over_doubt(
         precision = A.copy()
         for k, (g, grid, i) in enumerate(zip(groups, grids, scale)):
             if k != n:
-                precision[np.ix_(g.ravel(), g.ravel())] += inverse_prior / grid[i]
+                precision[np.ix_(g.ravel(), g.ravel())] += inverse_priors[k] / grid[i]
         return invert_definite(precision)
 
     passes: list[list[_Moments]] = [[] for _ in groups]
@@ -187,15 +183,12 @@ def average_over_doubt(
             own = groups[n].ravel()
             covariance = invert_without(n)
             mean, gain = covariance @ b, covariance[:, own]
-            weights, steps = _weigh_sizes(mean, gain, own, grids[n], prior, doubtful[n].odds)
+            weights, steps = _weigh_sizes(mean, gain, own, grids[n], priors[n], doubtful[n].odds)
             if sweep >= BURN_IN:
                 passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
             scale[n] = int(generator.choice(len(weights), p=weights))
     away, spread = _combine(passes, groups)
-    coefficients, covariance = np.zeros(len(vector)), np.zeros_like(information)
-    coefficients[active] = flat + away
-    covariance[np.ix_(active, active)] = spread
-    return TableSolution(coefficients, covariance, float(np.trace(spread @ A)))
+    return TableSolution(flat + away, spread, float(np.trace(spread @ A)))
 
 
 def _fit_flat(A: Array, b: Array) -> tuple[Array, Array]:
@@ -250,7 +243,7 @@ def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> A
     """Variances that a harmonic's prior may have, the first for one that is absent; the last holds
     what a fit without a prior (`flat`) found, so that nothing seen is shrunk away."""
     # σ of a cosine, or sine, common to all nodes: what the data tell of the harmonic as a whole
-    told = float(np.mean([A[np.ix_(own[:, a], own[:, a])].sum() for a in (0, 1)]))
+    told = float(np.mean([A[np.ix_(own[:, a], own[:, a])].sum() for a in range(own.shape[1])]))
     one_std = 1 / np.sqrt(told)
     sizes = np.append(ABSENT * one_std, harmonic.sizes * (one_std if harmonic.relative else 1.0))
     sizes[-1] = max(sizes[-1], float(np.sqrt(np.mean(flat[own] ** 2))))

@@ -131,6 +131,10 @@ class Model:
         """Number of free coefficients."""
         return int(self.matrix.shape[1])
 
+    def find_columns(self, places: Array) -> Array:
+        """Columns that are the coefficients at these places, in their shape."""
+        return np.asarray(np.argmax(self.matrix[places], axis=-1))
+
 
 def compute_roughness(layout: TableLayout) -> Array:
     """Penalty on the curvature of every harmonic along the nodes.

@@ -30,6 +30,8 @@ Array = np.ndarray
 AS_WELL = 4.0
 """Difference in χ² of data left out that tells nothing: what a few coefficients of the size of
 their errors make."""
+CONTAINS = {"table": "parametric", "combined": "quadrature"}
+"""Variants that hold every harmonic, and what each of them is without those in doubt."""
 
 
 @dataclass(frozen=True)
@@ -118,10 +120,8 @@ def solve_variants(
         if name == "physical":
             assert coefficients is not None
             tries.append(solve_foreign(layout, model, coefficients, int(folds.max()) + 1))
-        elif name in WHOLE_DRIFT and wanted.in_doubt:
-            tries.append(solve_averaged(fitted, folds, model, wanted, (drift, scale)))
         else:
-            tries.append(solve_linear(fitted, folds, model))
+            tries.append(solve_averaged(fitted, folds, model, wanted, (drift, scale)))
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
         stored.append(own if name == "physical" else find_widest_limits(layout, wanted, own))
@@ -210,7 +210,9 @@ def solve_again(
 def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
     """The variant that predicts data left out best, of those that pass every check.
 
-    Of variants that predict as well, within 4 of χ², the one with the fewest coefficients.
+    A variant that averages over the harmonics that another leaves out holds the other, with the
+    odds that the data give it: the other is no rival. Of variants that predict as well, within 4
+    of χ², the one with the fewest coefficients.
 
     Parameters
     ----------
@@ -229,8 +231,8 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
 
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.calibration.choice import choose_best
-    >>> def tell(name, free, chi2, fits=True):
-    ...     tried = Told(model=Told(free=free), foreign=False)
+    >>> def tell(name, free, chi2, fits=True, averaged=()):
+    ...     tried = Told(model=Told(free=free), foreign=False, averaged=averaged)
     ...     return Told(name=name, held_out_chi2=chi2, tried=tried, fits=fits)
     >>> tried = [
     ...     tell("table", 8, 1000.0),
@@ -239,15 +241,22 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
     ... ]
     >>> choose_best(tried).name, choose_best(tried[2:]).name
     ('parametric', 'phase')
+
+    Where the table is averaged over its harmonics, it is parametric as far as these are absent:
+
+    >>> choose_best([tell("table", 8, 1000.0, averaged=("drift",)), *tried[1:]]).name
+    'table'
     """
     chosen = (
         [answer for answer in tried if answer.fits]
         or [answer for answer in tried if not answer.tried.foreign]
         or list(tried)
     )
-    least = min(answer.held_out_chi2 for answer in chosen)
+    held = {CONTAINS[a.name] for a in chosen if "drift" in a.tried.averaged}
+    rivals = [answer for answer in chosen if answer.name not in held]
+    least = min(answer.held_out_chi2 for answer in rivals)
     return min(
-        (a for a in chosen if a.held_out_chi2 <= least + AS_WELL),
+        (a for a in rivals if a.held_out_chi2 <= least + AS_WELL),
         key=lambda a: (a.tried.model.free, a.held_out_chi2),
     )
 
@@ -291,7 +300,8 @@ def explain_choice(
     if chosen.fits:
         why = (
             f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}),"
-            " predicts data left out best, or as well with fewer coefficients"
+            " predicts data left out best, or as well with fewer coefficients, or is averaged over"
+            " what another leaves out"
         )
     else:
         why = f"no variant passes its checks; {chosen.name} predicts data left out best"

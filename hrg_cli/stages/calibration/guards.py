@@ -68,6 +68,8 @@ class VariantSolution:
     solution: TableSolution
     held: tuple[TableSolution, ...]
     foreign: bool = False
+    averaged: tuple[str, ...] = ()
+    """Its tables ("drift", "scale") whose harmonics are averaged over how large each may be."""
 
 
 def judge_variants(

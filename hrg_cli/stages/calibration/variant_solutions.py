@@ -18,7 +18,7 @@ from ...fitting.tables.shrinkage import (
     find_doubtful_harmonics,
 )
 from ...fitting.tables.table_layout import Model, TableLayout
-from .drift_models import WHOLE_DRIFT, build_variant, tie_course
+from .drift_models import WHOLE_DRIFT, build_variant
 from .guards import VariantSolution
 from .resonators import ResonatorCoefficients
 
@@ -139,7 +139,7 @@ def solve_averaged(
     folds
         Fold of each piece (R, S), from 0.
     model
-        The table, or the combined model.
+        A variant that is fitted to the runs.
     wanted
         What was fixed, and the seed of the average.
     limits
@@ -148,7 +148,7 @@ def solve_averaged(
     Returns
     -------
     VariantSolution
-        On all runs and without each fold.
+        On all runs and without each fold; by least squares where no band limit is open.
 
     Examples
     --------
@@ -172,55 +172,43 @@ def solve_averaged(
     True
     """
     layout = fitted.layout
+    averaged = _list_averaged(model.name, wanted)
+    if not averaged:
+        return solve_linear(fitted, folds, model)
     A, b, _ = fitted.pieces.sum()
-    first = solve(A, b, model)
-    in_doubt = find_doubtful_harmonics(
-        layout, wanted.in_doubt, layout.compute_mean_scale_factor(first.coefficients)
-    )
-    to_full, seen = _free_coefficients(
-        layout, model.name, find_widest_limits(layout, wanted, limits)
-    )
+    scale_factor = layout.compute_mean_scale_factor(solve(A, b, model).coefficients)
+    in_doubt = find_doubtful_harmonics(layout, averaged, scale_factor)
+    widest = build_variant(model.name, layout, *find_widest_limits(layout, wanted, limits))
 
     def once(information: Array, vector: Array, sweeps: int) -> TableSolution:
-        return _reduced(information, vector, to_full, seen, in_doubt, wanted.seed, sweeps)
+        return _average(information, vector, widest, in_doubt, wanted.seed, sweeps)
 
     held = []
     for f in range(int(folds.max()) + 1):
         A_f, b_f, _ = fitted.pieces.sum(folds == f)
         held.append(once(A - A_f, b - b_f, FEWER_SWEEPS))
-    return VariantSolution(model, once(A, b, SWEEPS), tuple(held))
+    return VariantSolution(model, once(A, b, SWEEPS), tuple(held), averaged=averaged)
 
 
-def _free_coefficients(
-    layout: TableLayout, name: str, stored: tuple[int, int]
-) -> tuple[Array, Array]:
-    """All coefficients from those that are free, and of these the ones that are stored: the tables,
-    and of the combined model the measured quadrature's beside them."""
-    seen = build_variant("table", layout, *stored).matrix[: layout.table_size]
-    to_full = np.eye(layout.size)[:, : layout.table_size]
-    if name != "combined":
-        return to_full, seen
-    measured = layout.build_factor_map("quadrature_course")
-    tied = tie_course(layout, "ellipticity_course") @ to_full
-    width = measured.shape[1]
-    beside = np.zeros((len(seen), width))
-    return np.concatenate([tied, measured], axis=1), np.block(
-        [[seen, beside], [np.zeros((width, seen.shape[1])), np.eye(width)]]
-    )
+def _list_averaged(name: str, wanted: Wanted) -> tuple[str, ...]:
+    """The tables of a variant that it averages over: every variant has a scale factor of open band
+    limit, the drift of some is the first harmonic alone."""
+    return tuple(kind for kind in wanted.in_doubt if kind == "scale" or name in WHOLE_DRIFT)
 
 
-def _reduced(
-    A: Array,
-    b: Array,
-    to_full: Array,
-    seen: Array,
-    in_doubt: Sequence[Doubtful],
-    seed: int,
-    sweeps: int,
+def _average(
+    A: Array, b: Array, model: Model, in_doubt: Sequence[Doubtful], seed: int, sweeps: int
 ) -> TableSolution:
-    found = average_over_doubt(to_full.T @ A @ to_full, to_full.T @ b, seen, in_doubt, seed, sweeps)
+    """A model's own coefficients averaged over doubt, in the full set."""
+    M, start = model.matrix, model.start
+    own = [replace(one, places=model.find_columns(one.places)) for one in in_doubt]
+    rest = b if start is None else b - A @ start
+    found = average_over_doubt(M.T @ A @ M, M.T @ rest, own, seed, sweeps)
+    coefficients = M @ found.coefficients
     return TableSolution(
-        to_full @ found.coefficients, to_full @ found.covariance @ to_full.T, found.degrees
+        coefficients if start is None else start + coefficients,
+        M @ found.covariance @ M.T,
+        found.degrees,
     )
 
 
@@ -378,23 +366,16 @@ def _with_harmonics_in_doubt(
     C, found = tried.solution.covariance, tried.solution.coefficients
     scale_factor = layout.compute_mean_scale_factor(found)
     beyond = dict(zip(("drift", "scale"), limits))
-    left_out = find_doubtful_harmonics(layout, wanted.in_doubt, scale_factor, beyond)
+    kinds = [kind for kind in wanted.in_doubt if kind not in tried.averaged]
+    left_out = find_doubtful_harmonics(layout, kinds, scale_factor, beyond)
     if not left_out:
         return tried
     A, b, _ = fitted.pieces.sum()
     places = np.concatenate([harmonic.places.ravel() for harmonic in left_out])
     P = np.eye(layout.size)[:, places]
-    both = np.concatenate([model.matrix, P], axis=1)
-    number = {int(place): model.free + i for i, place in enumerate(places)}
-    in_doubt = [
-        replace(harmonic, places=np.vectorize(number.__getitem__)(harmonic.places))
-        for harmonic in left_out
-    ]
-    rest = b if model.start is None else b - A @ model.start
-    size = average_over_doubt(
-        both.T @ A @ both, both.T @ rest, np.eye(both.shape[1]), in_doubt, wanted.seed, FEWER_SWEEPS
-    )
-    c, spread = size.coefficients[model.free :], size.covariance[model.free :, model.free :]
+    beside = Model(model.name, np.concatenate([model.matrix, P], axis=1), model.start)
+    size = _average(A, b, beside, left_out, wanted.seed, FEWER_SWEEPS)
+    c, spread = size.coefficients[places], size.covariance[np.ix_(places, places)]
     G = C @ A @ P - P
     more = G @ (spread + np.outer(c, c)) @ G.T
     return replace(tried, solution=replace(tried.solution, covariance=C + more))
