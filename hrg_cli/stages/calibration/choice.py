@@ -14,6 +14,7 @@ from ...fitting.tables.joint import Fitted
 from ...fitting.tables.table_layout import Model, TableLayout
 from .drift_models import NEEDS, VARIANTS, WHOLE_DRIFT, build_variant, explain_missing
 from .folds import choose_limits
+from .frequency_split import find_in_frequency
 from .guards import VariantSolution, judge_variants
 from .resonators import ResonatorCoefficients
 from .variant_solutions import (
@@ -102,6 +103,7 @@ def solve_variants(
     """
     limits: dict[str, tuple[int, int, dict[str, list[float]]]] = {}
     tries, used, stored = [], [], []
+    in_frequency = find_in_frequency(fitted) if wanted.average else {}
     for name in names:
         layout = fitted.layout
         # band limits are chosen once a family: with the measured parts beside the tables other
@@ -121,7 +123,7 @@ def solve_variants(
             assert coefficients is not None
             tries.append(solve_foreign(layout, model, coefficients, int(folds.max()) + 1))
         else:
-            tries.append(solve_averaged(fitted, folds, model, wanted, (drift, scale)))
+            tries.append(solve_averaged(fitted, folds, model, wanted, (drift, scale), in_frequency))
         own = (drift if name in WHOLE_DRIFT else 1, scale)
         used.append(own)
         stored.append(own if name == "physical" else find_widest_limits(layout, wanted, own))
@@ -287,7 +289,7 @@ def explain_choice(
     --------
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.calibration.choice import explain_choice
-    >>> solved = Told(model=Told(free=8), foreign=False)
+    >>> solved = Told(model=Told(free=8), foreign=False, averaged=())
     >>> table = Told(name="table", held_out_chi2=1000.0, tried=solved, fits=False)
     >>> fitted = Told(pieces=Told(count=1000))
     >>> explain_choice(fitted, [table], table, {})["why"]

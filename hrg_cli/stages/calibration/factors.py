@@ -92,9 +92,37 @@ def build_ellipticity(path: AnglePath) -> Array:
     )
 
 
-def _spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
-    """A factor whose coefficients are interpolated between the nodes: columns ψ_j(x)·factor (n,
-    J·q), node-major."""
+def spread_over_nodes(factor: Factor, nodes: Array, axis: str, interpolation: str) -> Factor:
+    """A factor whose coefficients are interpolated between the nodes.
+
+    Parameters
+    ----------
+    factor
+        Columns (n, q) of a run.
+    nodes
+        Of the tables (J,).
+    axis
+        "temperature" or "frequency".
+    interpolation
+        Between the nodes.
+
+    Returns
+    -------
+    callable
+        Columns ψ_j(x)·factor (n, J·q) of a run, node by node.
+
+    Examples
+    --------
+    Halfway between two nodes each has half of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.fitting.tables.drawn_path import draw_path
+    >>> from hrg_cli.stages.calibration.factors import build_quadrature, spread_over_nodes
+    >>> path, nodes = draw_path(blocks=3, ratio=0.6), np.array([10.0, 30.0])
+    >>> columns = spread_over_nodes(build_quadrature, nodes, "temperature", "linear")
+    >>> columns(path)[0].round(9).tolist()
+    [0.46875, 0.0, 0.46875, 0.0]
+    """
 
     def columns(path: AnglePath) -> Array:
         own = factor(path)
@@ -326,14 +354,14 @@ def build_factors(
     }
     if any(np.any(p.ratio) for p in paths):
         available |= {
-            "quadrature_course": (_spread_over_nodes(build_quadrature, *at_nodes), 2 * count),
-            "ellipticity_course": (_spread_over_nodes(build_ellipticity, *at_nodes), 2 * count),
+            "quadrature_course": (spread_over_nodes(build_quadrature, *at_nodes), 2 * count),
+            "ellipticity_course": (spread_over_nodes(build_ellipticity, *at_nodes), 2 * count),
         }
         if all(np.isfinite(p.frequency_hz).all() for p in paths):
             available |= {
                 "phase": (_make_phase_factor(choose_reference_hz(paths)), 1),
-                "mean_frequency": (_spread_over_nodes(_build_mean_frequency, *at_nodes), count),
-                "flattening_course": (_spread_over_nodes(build_flattening, *at_nodes), 2 * count),
+                "mean_frequency": (spread_over_nodes(_build_mean_frequency, *at_nodes), count),
+                "flattening_course": (spread_over_nodes(build_flattening, *at_nodes), 2 * count),
             }
     fastest = max(float(np.abs(p.rate_rad_s).max(initial=0.0)) for p in paths)
     means = np.array([float(np.mean(p.rate_rad_s)) for p in paths])

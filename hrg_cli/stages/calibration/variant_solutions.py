@@ -3,14 +3,16 @@ harmonics in doubt averaged over, or with coefficients from elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...fitting.least_squares import invert_definite
 from ...fitting.tables.joint import Fitted
-from ...fitting.tables.normal_pieces import TableSolution, solve
+from ...fitting.tables.normal_pieces import LEAST_SEEN, TableSolution, solve
 from ...fitting.tables.shrinkage import (
+    DRIFT_SIZES,
     FEWER_SWEEPS,
     SWEEPS,
     Doubtful,
@@ -19,10 +21,23 @@ from ...fitting.tables.shrinkage import (
 )
 from ...fitting.tables.table_layout import Model, TableLayout
 from .drift_models import WHOLE_DRIFT, build_variant
+from .frequency_split import KnownCoefficients
 from .guards import VariantSolution
 from .resonators import ResonatorCoefficients
 
 Array = np.ndarray
+MEASURED = {
+    "quadrature": "quadrature_course",
+    "combined": "quadrature_course",
+    "phase": "mean_frequency",
+}
+"""Variant -> the factor of its measured part."""
+DEPARTURE_ODDS = 4.0
+"""Odds before the data that a drift's measured part is what the frequency says: two faults, as a
+second harmonic takes."""
+SUREST = 1e-3
+"""Least error of what the frequency tells, over that of the drift alone: it counts as exact, and
+less would leave rounding."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +143,15 @@ def solve_linear(
 
 
 def solve_averaged(
-    fitted: Fitted, folds: Array, model: Model, wanted: Wanted, limits: tuple[int, int]
+    fitted: Fitted,
+    folds: Array,
+    model: Model,
+    wanted: Wanted,
+    limits: tuple[int, int],
+    in_frequency: Mapping[str, KnownCoefficients] | None = None,
 ) -> VariantSolution:
-    """A variant with the harmonics in doubt averaged over how large each may be.
+    """A variant with the harmonics in doubt averaged over how large each may be, and what the
+    frequency tells of its measured part.
 
     Parameters
     ----------
@@ -144,11 +165,13 @@ def solve_averaged(
         What was fixed, and the seed of the average.
     limits
         Harmonics of 2mθ that were chosen.
+    in_frequency
+        Of factors, what the runs' frequency tells; None: nothing.
 
     Returns
     -------
     VariantSolution
-        On all runs and without each fold; by least squares where no band limit is open.
+        On all runs and without each fold; by least squares where nothing is in doubt.
 
     Examples
     --------
@@ -171,23 +194,17 @@ def solve_averaged(
     >>> bool(np.all(np.abs(found.coefficients[:3]) < 5 * np.sqrt(np.diag(found.covariance)[:3])))
     True
     """
-    layout = fitted.layout
-    averaged = _list_averaged(model.name, wanted)
-    if not averaged:
-        return solve_linear(fitted, folds, model)
     A, b, _ = fitted.pieces.sum()
-    scale_factor = layout.compute_mean_scale_factor(solve(A, b, model).coefficients)
-    in_doubt = find_doubtful_harmonics(layout, averaged, scale_factor)
-    widest = build_variant(model.name, layout, *find_widest_limits(layout, wanted, limits))
-
-    def once(information: Array, vector: Array, sweeps: int) -> TableSolution:
-        return _average(information, vector, widest, in_doubt, wanted.seed, sweeps)
-
+    averaged = _list_averaged(model.name, wanted)
+    doubt = _put_in_doubt(fitted.layout, model, averaged, wanted, limits, A, b)
+    doubt = doubt.take_in(fitted.layout, in_frequency or {}, A)
+    if not doubt.harmonics:
+        return solve_linear(fitted, folds, model)
     held = []
     for f in range(int(folds.max()) + 1):
         A_f, b_f, _ = fitted.pieces.sum(folds == f)
-        held.append(once(A - A_f, b - b_f, FEWER_SWEEPS))
-    return VariantSolution(model, once(A, b, SWEEPS), tuple(held), averaged=averaged)
+        held.append(doubt.average(A - A_f, b - b_f, FEWER_SWEEPS))
+    return VariantSolution(model, doubt.average(A, b, SWEEPS), tuple(held), averaged=averaged)
 
 
 def _list_averaged(name: str, wanted: Wanted) -> tuple[str, ...]:
@@ -196,20 +213,73 @@ def _list_averaged(name: str, wanted: Wanted) -> tuple[str, ...]:
     return tuple(kind for kind in wanted.in_doubt if kind == "scale" or name in WHOLE_DRIFT)
 
 
-def _average(
-    A: Array, b: Array, model: Model, in_doubt: Sequence[Doubtful], seed: int, sweeps: int
-) -> TableSolution:
-    """A model's own coefficients averaged over doubt, in the full set."""
-    M, start = model.matrix, model.start
-    own = [replace(one, places=model.find_columns(one.places)) for one in in_doubt]
-    rest = b if start is None else b - A @ start
-    found = average_over_doubt(M.T @ A @ M, M.T @ rest, own, seed, sweeps)
-    coefficients = M @ found.coefficients
-    return TableSolution(
-        coefficients if start is None else start + coefficients,
-        M @ found.covariance @ M.T,
-        found.degrees,
-    )
+@dataclass(frozen=True)
+class _InDoubt:
+    """A model whose harmonics are averaged over how large each may be; of its last columns
+    something may be known beforehand."""
+
+    model: Model
+    harmonics: tuple[Doubtful, ...]
+    seed: int
+    known: KnownCoefficients | None = None
+
+    def take_in(
+        self, layout: TableLayout, in_frequency: Mapping[str, KnownCoefficients], A: Array
+    ) -> _InDoubt:
+        """The same with what the frequency tells of its measured part, from which the drift may
+        depart: as phase errors of the loops, or a quadrature off in scale, make it."""
+        name = MEASURED.get(self.model.name, "")
+        if name not in in_frequency:
+            return self
+        places = np.arange(layout.size)[layout.factor(name)]
+        departure = Doubtful(
+            places.reshape(len(layout.nodes), -1), DEPARTURE_ODDS, np.array(DRIFT_SIZES), True
+        )
+        told = np.diag(A)[places]
+        known = in_frequency[name]
+        least = SUREST**2 / np.maximum(told, LEAST_SEEN * told.max())
+        columns = np.concatenate([self.model.matrix, layout.build_factor_map(name)], axis=1)
+        return _InDoubt(
+            replace(self.model, matrix=columns),
+            (*self.harmonics, departure),
+            self.seed,
+            replace(known, covariance=known.covariance + np.diag(least)),
+        )
+
+    def average(self, A: Array, b: Array, sweeps: int) -> TableSolution:
+        """Coefficients in the full set, of runs whose normal equations are these."""
+        M, start = self.model.matrix, self.model.start
+        own = [replace(one, places=self.model.find_columns(one.places)) for one in self.harmonics]
+        start = np.zeros(len(b)) if start is None else start
+        data = M.T @ A @ M
+        information, vector = data.copy(), M.T @ (b - A @ start)
+        if self.known is not None:
+            last = slice(len(vector) - len(self.known.values), None)
+            precision = invert_definite(self.known.covariance)
+            information[last, last] += precision
+            vector[last] += precision @ self.known.values
+        found = average_over_doubt(information, vector, own, self.seed, sweeps)
+        return TableSolution(
+            start + M @ found.coefficients,
+            M @ found.covariance @ M.T,
+            float(np.trace(found.covariance @ data)),
+        )
+
+
+def _put_in_doubt(
+    layout: TableLayout,
+    model: Model,
+    averaged: Sequence[str],
+    wanted: Wanted,
+    limits: tuple[int, int],
+    A: Array,
+    b: Array,
+) -> _InDoubt:
+    """A variant with all harmonics of the tables whose limit is open, each in doubt."""
+    scale_factor = layout.compute_mean_scale_factor(solve(A, b, model).coefficients)
+    widest = build_variant(model.name, layout, *find_widest_limits(layout, wanted, limits))
+    in_doubt = find_doubtful_harmonics(layout, averaged, scale_factor)
+    return _InDoubt(widest, tuple(in_doubt), wanted.seed)
 
 
 def solve_foreign(
@@ -374,7 +444,7 @@ def _with_harmonics_in_doubt(
     places = np.concatenate([harmonic.places.ravel() for harmonic in left_out])
     P = np.eye(layout.size)[:, places]
     beside = Model(model.name, np.concatenate([model.matrix, P], axis=1), model.start)
-    size = _average(A, b, beside, left_out, wanted.seed, FEWER_SWEEPS)
+    size = _InDoubt(beside, tuple(left_out), wanted.seed).average(A, b, FEWER_SWEEPS)
     c, spread = size.coefficients[places], size.covariance[np.ix_(places, places)]
     G = C @ A @ P - P
     more = G @ (spread + np.outer(c, c)) @ G.T
