@@ -31,8 +31,6 @@ Array = np.ndarray
 AS_WELL = 4.0
 """Difference in χ² of data left out that tells nothing: what a few coefficients of the size of
 their errors make."""
-CONTAINS = {"table": "parametric", "combined": "quadrature"}
-"""Variants that hold every harmonic, and what each of them is without those in doubt."""
 
 
 @dataclass(frozen=True)
@@ -212,9 +210,7 @@ def solve_again(
 def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
     """The variant that predicts data left out best, of those that pass every check.
 
-    A variant that averages over the harmonics that another leaves out holds the other, with the
-    odds that the data give it: the other is no rival. Of variants that predict as well, within 4
-    of χ², the one with the fewest coefficients.
+    Of variants that predict as well, within 4 of χ², the one with the fewest coefficients.
 
     Parameters
     ----------
@@ -233,8 +229,8 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
 
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.calibration.choice import choose_best
-    >>> def tell(name, free, chi2, fits=True, averaged=()):
-    ...     tried = Told(model=Told(free=free), foreign=False, averaged=averaged)
+    >>> def tell(name, free, chi2, fits=True):
+    ...     tried = Told(model=Told(free=free), foreign=False)
     ...     return Told(name=name, held_out_chi2=chi2, tried=tried, fits=fits)
     >>> tried = [
     ...     tell("table", 8, 1000.0),
@@ -243,22 +239,15 @@ def choose_best(tried: Sequence[TriedVariant]) -> TriedVariant:
     ... ]
     >>> choose_best(tried).name, choose_best(tried[2:]).name
     ('parametric', 'phase')
-
-    Where the table is averaged over its harmonics, it is parametric as far as these are absent:
-
-    >>> choose_best([tell("table", 8, 1000.0, averaged=("drift",)), *tried[1:]]).name
-    'table'
     """
     chosen = (
         [answer for answer in tried if answer.fits]
         or [answer for answer in tried if not answer.tried.foreign]
         or list(tried)
     )
-    held = {CONTAINS[a.name] for a in chosen if "drift" in a.tried.averaged}
-    rivals = [answer for answer in chosen if answer.name not in held]
-    least = min(answer.held_out_chi2 for answer in rivals)
+    least = min(answer.held_out_chi2 for answer in chosen)
     return min(
-        (a for a in rivals if a.held_out_chi2 <= least + AS_WELL),
+        (a for a in chosen if a.held_out_chi2 <= least + AS_WELL),
         key=lambda a: (a.tried.model.free, a.held_out_chi2),
     )
 
@@ -289,7 +278,7 @@ def explain_choice(
     --------
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.calibration.choice import explain_choice
-    >>> solved = Told(model=Told(free=8), foreign=False, averaged=())
+    >>> solved = Told(model=Told(free=8), foreign=False)
     >>> table = Told(name="table", held_out_chi2=1000.0, tried=solved, fits=False)
     >>> fitted = Told(pieces=Told(count=1000))
     >>> explain_choice(fitted, [table], table, {})["why"]
@@ -302,8 +291,7 @@ def explain_choice(
     if chosen.fits:
         why = (
             f"{chosen.name} passes its checks and, of those that do ({', '.join(fitting)}),"
-            " predicts data left out best, or as well with fewer coefficients, or is averaged over"
-            " what another leaves out"
+            " predicts data left out best, or as well with fewer coefficients"
         )
     else:
         why = f"no variant passes its checks; {chosen.name} predicts data left out best"
