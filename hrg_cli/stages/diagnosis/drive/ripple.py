@@ -18,10 +18,17 @@ the instant state answers with its part A = ∂F/∂u, and the mean of the produ
   ripple of (ω − ω')/2ω of the amplitude, answered by q (ω − ω')a/4ω along the wave, that looks as
   damping of driven runs alone; the force itself is off by (ω − ω')/2ω. Nobody says which ω' a loop
   takes: one within what the split does to the run's own frequency.
+- A board that multiplies the signals by a reference of a fixed frequency and takes means of its
+  whole periods sees v + jG/2ω + x, x = (c/2ω) G* and c = j: of u* e^{−2jωt} what u moves within a
+  block is left. That is as large as the ripple and stands still in the reference, where the ripple
+  turns with 2φ. The frame is off by Re x_B/a in angle and Im x_A/a in phase, x turned by e^{−2jφ}
+  to the wave's own axes: by KΩ/2ω of either sign from run to run, as φ is at their starts. Filters
+  of the signals make c smaller and turn it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,18 +63,19 @@ DIRECTION, QUADRATURE = 0, 2
 
 @dataclass(frozen=True)
 class Ripple:
-    """What a ripple's answers do to the waves over σ (N, 8): of the direction, of the quadrature
+    """What a ripple's answers do to the waves over σ (N, 10): of the direction, of the quadrature
     loop and of the amplitude loop in two parts each, of the amplitude loop to the frequency that it
     takes the wave's for, in all runs and from run to run, and of the force's direction to that; of
-    the loops for 1/s; and how large the answers of the loops may be, 1/s."""
+    a frame that is seen in blocks of a fixed reference, in two parts; of the loops for 1/s; and how
+    large the answers of the loops may be, 1/s."""
 
     doings: Array
     apart: Array
     """The same less what coordinates of the base model do of it, where no run is free."""
     shares: Array | None
-    """Of these, what one of each answer is like (6, 8); None: a run is free."""
+    """Of these, what one of each answer is like (6, 10); None: a run is free."""
     jumps: Array
-    """What the part apart adds at the end of every step, (R, n − 1, 4, 8)."""
+    """What the part apart adds at the end of every step, (R, n − 1, 4, 10)."""
     amplitude_1_s: float
     quadrature_1_s: float
 
@@ -90,14 +98,14 @@ class Ripple:
         return cls(doings, doings - shared @ shares, shares, jumps - base @ shares, *sizes)
 
     def gather_along(self, fit: ExtendedFit, flow: Propagation) -> Array:
-        """What the answers add at the end of every step (R, n − 1, 4, 8) of another motion, less
+        """What the answers add at the end of every step (R, n − 1, 4, 10) of another motion, less
         what the same shares of the coordinates do."""
         answers = gather_answers(fit, flow)
         return answers if self.shares is None else answers - _gather_coordinates(flow) @ self.shares
 
     @property
     def spread(self) -> Array:
-        """What one standard deviation of each does, over σ (N, 8)."""
+        """What one standard deviation of each does, over σ (N, 10)."""
         return self.doings * self.std
 
     @property
@@ -107,9 +115,9 @@ class Ripple:
 
     @property
     def std(self) -> Array:
-        """Standard deviations of the eight."""
+        """Standard deviations of the ten."""
         sizes = [self.quadrature_1_s] * 2 + [self.amplitude_1_s] * 4
-        return np.array([1.0, *sizes, 1.0])
+        return np.array([1.0, *sizes, 1.0, 1.0, 1.0])
 
 
 def _judge_answers(fit: ExtendedFit, doings: Array) -> tuple[float, float]:
@@ -155,7 +163,7 @@ def gather_answers(fit: ExtendedFit, flow: Propagation) -> Array:
     Returns
     -------
     ndarray
-        (R, n − 1, 4, 8)
+        (R, n − 1, 4, 10)
 
     Examples
     --------
@@ -165,7 +173,7 @@ def gather_answers(fit: ExtendedFit, flow: Propagation) -> Array:
     >>> from hrg_cli.stages.diagnosis.drive.ripple import gather_answers
     >>> added = gather_answers(draw_fit(), draw_fit().flow)
     >>> added.shape, bool(added.any())
-    ((3, 49, 4, 8), False)
+    ((3, 49, 4, 10), False)
     """
     series, point = fit.series, fit.point
     turn, apart = build_mean_turns(series)[:, None], _find_references(fit)
@@ -189,7 +197,7 @@ def _find_references(fit: ExtendedFit) -> tuple[float, Array]:
 
 
 def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Array]) -> Array:
-    """The eight forces on the envelopes v, of references so far `apart`, as reals (R, n, 4, 8)."""
+    """The ten forces on the envelopes v, of references so far `apart`, as reals (R, n, 4, 10)."""
     G = apply_generators(L, v) + stage.compute_source(v)
     turn, e_A, e_B, _ = find_frame(v, stage.state.phase_rad)
     seen = [np.conj(turn) * np.sum(axis * w, axis=-1) for w in (v, G) for axis in (e_A, e_B)]
@@ -205,6 +213,7 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Arra
         2 * (a * G_B.imag + b * G_A.real) * unit,
         -2 * (a * G_A.real + b * G_B.imag) * unit,
     )
+    still = [2 * unit * np.conj(turn) ** 2 * np.conj(part) for part in (G_A, G_B)]
     answers = np.stack(
         [
             [
@@ -217,6 +226,7 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Arra
             [1j * over * G_A, 0 * G_A],
             *([-over * difference * a, 0 * G_A] for difference in apart),
             [over * OF_FORCE * apart[0] * f_A, -1j * over * OF_FORCE * apart[0] * f_B],
+            *(_turn_by_blocks((a, b), (f_A, f_B), (c * x for x in still)) for c in (1, 1j)),
         ],
         axis=-1,
     )
@@ -224,3 +234,13 @@ def _forces(stage: RungeKuttaStage, L: Array, v: Array, apart: tuple[float, Arra
     commands = answers[0][..., None, :] * e_A[..., None] + answers[1][..., None, :] * e_B[..., None]
     forces = [stage.pass_forcers(v, command) for command in np.moveaxis(commands, -1, 0)]
     return np.stack([to_reals(force) for force in forces], axis=-1)
+
+
+def _turn_by_blocks(
+    wave: tuple[Array, Array], force: tuple[Array, Array], missed: Iterable[Array]
+) -> list[Array]:
+    """The force, in the wave's own axes, of a frame that is seen beside a wave of amplitudes a, b
+    by what its blocks miss, over a² − b²."""
+    (a, b), (f_A, f_B), (x_A, x_B) = wave, force, missed
+    axis, phase = a * x_B.real - b * x_A.imag, a * x_A.imag - b * x_B.real
+    return [1j * (phase * f_A + axis * f_B), axis * f_A + phase * f_B]

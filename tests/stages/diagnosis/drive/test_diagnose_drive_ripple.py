@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from hrg_cli.effects import EFFECTS, find
 from hrg_cli.effects.effect import find_frame
@@ -39,7 +40,12 @@ OMEGA = 2 * np.pi * HZ
 
 
 def recorded(
-    gain_1_s, amplitude_gain_1_s=0.0, apart_rad_s=(0.0, 0.0, 0.0), mismatch=0.0, free_beside=False
+    gain_1_s,
+    amplitude_gain_1_s=0.0,
+    apart_rad_s=(0.0, 0.0, 0.0),
+    mismatch=0.0,
+    free_beside=False,
+    in_blocks=False,
 ):
     """Envelopes that demodulation shows (R, n, 2) of u̇ = G − G* e^{−2jωt}, which z'' = −2Nz' + 2KΩJz' −
     2ωδωRz − ω²z + drive is in u = (z − jz'/ω) e^{−jωt}, and both loops' commands of every step (2, R, m).
@@ -47,7 +53,7 @@ def recorded(
     The drive holds the amplitude by what it loses and with a gain, and nulls the quadrature with
     another, along the state of the instant, the commands held over a step; each run's frequency is
     so far from the ω that the loops know. The forcers differ by a mismatch. Free runs beside them
-    turn the same way.
+    turn the same way. In blocks of a fixed reference the direction is off by what these miss.
     """
     rates = np.tile(RATES, 1 + free_beside)
     driven = np.arange(len(rates)) < len(RATES)
@@ -59,8 +65,9 @@ def recorded(
     log = np.zeros((2, len(rates), ROWS * PERIODS * STEPS))
     t, h = 0.0, 1 / HZ / STEPS
 
-    def slow(u, commands):
-        turn, e_A, e_B, _ = find_frame(u, near)
+    def slow(u, commands, in_blocks=in_blocks):
+        missed = 1j / (2 * OMEGA) * np.conj(slow(u, commands, False)) if in_blocks else 0.0
+        turn, e_A, e_B, _ = find_frame(u + missed, near)
         main, quadrature = commands[..., None]
         force = turn[:, None] * (main * e_A - 1j * quadrature * e_B)
         force = force * np.array([1 + mismatch / 2, 1 - mismatch / 2])
@@ -132,6 +139,40 @@ def test_a_drive_along_the_instant_state_makes_the_force_that_averaging_gives():
     assert abs(float(column @ fit.residual) / size - 1) < 4 * size**-0.5 + 0.01
 
 
+def test_blocks_of_a_fixed_reference_miss_what_moves_within_them():
+    """Means over whole periods of 2z e^{−jωt}, z the oscillation of a wave that turns."""
+    L = coordinates.build_generator(P, np.array([3.0]), 1.0)[0]
+    v, count, periods = np.array([np.cos(0.7), np.sin(0.7)]) * np.exp(0.4j), 4000, 4
+    t = (np.arange(count) + 0.5) * periods / HZ / count
+    moved = np.stack([expm(L * one) @ v for one in t])
+    G = moved @ L.T
+    u = moved - 1j / (2 * OMEGA) * np.conj(G) * np.exp(-2j * OMEGA * t)[:, None]
+    z = np.real(u * np.exp(1j * OMEGA * t)[:, None])
+    seen = np.mean(2 * z * np.exp(-1j * OMEGA * t)[:, None], axis=0)
+    middle = expm(L * periods / HZ / 2) @ v
+    of_middle = L @ middle
+    missed = seen - middle - 1j / (2 * OMEGA) * of_middle
+    # what bends within the block is of second order
+    bent = L @ of_middle * (periods / HZ) ** 2 / 24
+    assert (
+        np.abs(missed - bent - 1j / (2 * OMEGA) * np.conj(of_middle)).max()
+        < 0.05 * np.abs(missed - bent).max()
+    )
+
+
+def test_what_blocks_of_a_fixed_reference_make_of_the_direction_is_allowed_for():
+    """Clean driven gyros on such a board had a drive rotation of 3e-6 rad, 7 σ, "explained"."""
+    fit = fitted(measured(*recorded(0.0, in_blocks=True), seed=1))
+    columns = fit.basis.project_out(Ripple.from_fit(fit).doings[:, [0, 8, 9]])
+    found, covariance = (
+        np.linalg.lstsq(columns, fit.residual)[0],
+        np.linalg.inv(columns.T @ columns),
+    )
+    std = np.sqrt(np.diag(covariance))
+    assert std[1:].max() < 0.2
+    assert np.all(np.abs(found - [1.0, 0.0, 1.0]) < 4 * std + 0.02)
+
+
 def test_what_loops_answer_to_the_ripple_is_in_every_standard_deviation():
     seen, log = recorded(15.0)
     before, after, left, std = [], [], [], []
@@ -198,7 +239,7 @@ def test_answers_of_thousands_of_sigma_are_followed(free_beside):
     along = fit_beside_answers(plain)
     # not the frequency split, which is one of ω²
     known = [0, 1, 2, 5]
-    assert np.abs(errors(about)[known]).max() > 6 and about.chi2 / about.dof > 1.1
+    assert np.abs(errors(about)[known]).max() > 3.5 and about.chi2 / about.dof > 1.1
     assert np.abs(errors(along)[known]).max() < 4.5 and 0.9 < along.chi2 / along.dof < 1.07
 
 
@@ -235,4 +276,4 @@ def test_how_large_an_answer_may_be_is_judged_once():
 
 def test_without_a_quadrature_loop_no_answer_is_allowed_for():
     ripple = Ripple.from_fit(fitted(measured(*recorded(0.0), seed=2)))
-    assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:-1].any()
+    assert ripple.quadrature_1_s == 0.0 and not ripple.spread[:, 1:7].any()
