@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ...records import Wave
 from ..diagnosis.base.joint_fit import fit_base
 from ..diagnosis.fits.scoring import compute_worth, is_gross, score_effects
 from ..diagnosis.fits.variants import list_variants
+from ..diagnosis.suspects.cases import fit_or_none
 from ..diagnosis.thresholds import INADEQUATE, WORTH
 from .closing import close_verdict
 from .outcome import Verdict
@@ -57,8 +59,8 @@ def doubt_beside_causes(
 ) -> None:
     """Add to a verdict the check that no cause which these runs show moves its parameters.
 
-    Nothing is asked where the resonator fails to hold the runs at all, nor of more windows than fit
-    into memory.
+    Nothing is asked where the resonator does not hold the runs, nor of more windows than fit into
+    memory.
 
     Parameters
     ----------
@@ -90,8 +92,10 @@ def doubt_beside_causes(
     if modes_alone or verdict.refused or sum(map(len, waves)) > IN_MEMORY:
         return
     turned = [_turn(wave, rate_rad_s, earth_rad_s) for wave in waves]
-    fit = fit_base(turned, scale_factor=scale_factor, blocks=rows, free_phase=False)
-    if is_gross(fit):
+    fitted = partial(fit_base, scale_factor=scale_factor, blocks=rows, free_phase=False)
+    fit = fit_or_none(turned, fitted)
+    # rows of its own may lose their way where the answer's have not
+    if fit is None or is_gross(fit):
         return
     close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, verdict)))])
 

@@ -6,6 +6,8 @@ import zlib
 import numpy as np
 import pytest
 
+from hrg_cli.fitting.causes.extended_fit import DivergedError
+from hrg_cli.stages.identification import unmodelled
 from hrg_cli.stages.identify import identify, summarise
 from hrg_cli.studies.hidden import draw_programme, hide, make_waves
 
@@ -66,6 +68,17 @@ def test_a_cause_that_moves_nothing_leaves_it_valid():
     waves, _ = hidden("thermal_frequency")
     found = identify(waves)
     assert found.status == "valid" and moved(found)["passed"]
+
+
+def test_runs_that_cannot_be_asked_keep_their_answer(monkeypatch):
+    def lose_the_way(*_, **__):
+        raise DivergedError("no fit")
+
+    waves, _ = hidden("thermal_frequency")
+    monkeypatch.setattr(unmodelled, "fit_base", lose_the_way)
+    found = identify(waves)
+    assert found.status == "valid"
+    assert "unmoved_by_causes" not in {c["name"] for c in summarise(found)["checks"]}
 
 
 @pytest.mark.parametrize("seed", range(6))
