@@ -218,12 +218,12 @@ def write(
 
 
 def _join_small(blocks: Iterable[AnyRecord]) -> Iterator[AnyRecord]:
-    """Blocks of a chunk's rows at least, but for the last: to append a few rows to every dataset
-    takes as long as to append thousands."""
+    """Blocks of half a chunk's rows at least, but for the last: to append a few rows to every
+    dataset takes as long as to append thousands, and larger ones are not held beside others."""
     held: list[AnyRecord] = []
     for block in blocks:
         held.append(block)
-        if sum(map(len, held)) >= _count_chunk_rows(block):
+        if 2 * sum(map(len, held)) >= _count_chunk_rows(block):
             yield held[0] if len(held) == 1 else collect(held)
             held = []
     if held:
