@@ -244,8 +244,11 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
         & (mirror - level < (power - level) / ONE_SIDED + noise)
         & (spectrum.compute_chance() < OFFERED / len(power))
     )
+    cells = longest * spectrum.frequency_hz[1]
+    # the shoulder of a peak whose mirror speaks against it is no line of its own
+    wanted &= power >= _find_largest_about(power, cells)
     if is_gross(fit):
-        wanted &= power > ISOLATED * _find_largest_beside(power, longest * spectrum.frequency_hz[1])
+        wanted &= power > ISOLATED * _find_largest_beside(power, cells)
     return np.asarray(wanted)
 
 
@@ -261,6 +264,13 @@ def _refined(frequency_hz: float, data: Sequence[Residual]) -> float:
         frequency_hz = float(trial[np.argmax(np.sum(total, axis=1))])
         width /= 8
     return frequency_hz
+
+
+def _find_largest_about(power: Array, cells: float) -> Array:
+    """The largest power (n,) within the lobe about every bin of a whole spectrum."""
+    from scipy.ndimage import maximum_filter1d
+
+    return np.asarray(maximum_filter1d(power, 2 * int(np.ceil(LOBE / cells)) + 1, mode="wrap"))
 
 
 def _find_largest_beside(power: Array, cells: float) -> Array:
