@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..limit_values import find_unit
 from ..records import (
     Calibration,
     Compensated,
@@ -83,8 +84,21 @@ def _tabulate(
     }
     return ("figure", "value"), [
         *figures_in_words.list_told(own),
+        *_list_estimates(report),
         *_list_differences(report),
         *(_trade(key, value) for key, value in (report.get("trade") or {}).items() if value),
+    ]
+
+
+def _list_estimates(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Figures that have a standard deviation."""
+    return [
+        (
+            figures_in_words.say_key(key),
+            format_parameter(key, told["value"], told["std"], find_unit(key)),
+        )
+        for key, told in report.items()
+        if isinstance(told, dict) and set(told) == {"value", "std"} and told["std"] is not None
     ]
 
 
