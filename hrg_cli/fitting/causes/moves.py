@@ -66,7 +66,7 @@ def move_by_causes(fit: ExtendedFit, scores: Sequence[Score]) -> Array:
 
     Examples
     --------
-    A gain mismatch of 2 % beside runs at rest and both ways moves no scale factor:
+    Of a gain mismatch that the base model had no part for, in the order of `COORDINATES`:
 
     >>> from hrg_cli.fitting.causes.moves import move_by_causes
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_found_case, draw_mismatched_fit

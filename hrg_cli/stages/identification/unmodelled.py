@@ -27,6 +27,7 @@ from ..diagnosis.base.joint_fit import fit_base
 from ..diagnosis.fits.scoring import compute_worth, is_gross, score_effects
 from ..diagnosis.fits.variants import list_variants
 from ..diagnosis.suspects.cases import fit_or_none
+from ..diagnosis.suspects.transformations import hold_rate, offset_rate
 from ..diagnosis.thresholds import INADEQUATE, WORTH
 from .closing import close_verdict
 from .outcome import Verdict
@@ -102,9 +103,9 @@ def doubt_beside_causes(
 
 def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
     """A wave at the rate that it was identified at."""
-    logged = 0.0 if wave.rate_rad_s is None else np.asarray(wave.rate_rad_s, float)
-    table = logged if rate_rad_s is None else rate_rad_s
-    return wave.replace(rate_rad_s=np.zeros(len(wave)) + table + earth_rad_s)
+    if rate_rad_s is not None or wave.rate_rad_s is None:
+        wave = hold_rate(wave, rate_rad_s or 0.0)
+    return offset_rate(wave, earth_rad_s)
 
 
 def _list_movers(fit: ExtendedFit, verdict: Verdict) -> Iterator[Mover]:
