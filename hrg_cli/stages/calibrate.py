@@ -29,6 +29,7 @@ from .calibration.residual_checks import (
     find_stray_harmonics,
     say_harmonics_above,
 )
+from .calibration.shown_thermometer import ShownThermometer, doubt_thermometer
 from .calibration.summary import summarise as summarise
 from .calibration.thermal_memory import find_shown_memory, tell_one_way
 from .calibration.trials import (
@@ -204,14 +205,15 @@ def calibrate(
     again = partial(try_again, wanted=wanted, resonators=coefficients, model=model)
     doubted, fixed = bool(chosen.answer.failed and not refused), coefficients[0] is not None
     odd = find_odd_runs(runs, whole, needed, again, fixed, doubted)
-    refusals, remarks = _judge(runs, whole, chosen, strays, odd, given)
+    wrong = odd or doubt_thermometer(runs, whole, needed, again)
+    refusals, remarks = _judge(runs, whole, chosen, strays, wrong, given)
 
     details = chosen.list_details(bootstrap, seed) | {
         "held_out_by": held_out_by,
         "band_limit_scores": choose_limits(fitted, harmonics, scale_factor_harmonics)[2],
         "stray_harmonics": strays,
         "rate_log": None if late is None else late.to_json(),
-        "suspect_runs": odd.to_json() if odd else None,
+        "suspect_runs": wrong.to_json() if wrong else None,
         "driven": any(wave.mode == "forced" for wave in runs.usable.waves),
         **tried.list_details(chosen, model in ("auto", "all"), bootstrap, seed),
     }
@@ -237,17 +239,22 @@ def _judge(
     whole: FullFit,
     chosen: Chosen,
     strays: Sequence[Mapping[str, Any]],
-    odd: OddRuns | None,
+    wrong: OddRuns | ShownThermometer | None,
     given: Sequence[Resonator],
 ) -> tuple[list[str], list[str]]:
     """Why the tables are refused, and what else speaks against them: of runs that the others
-    contradict, these alone, since they show as any fault."""
-    if odd:
-        return odd.sentences, []
+    contradict, or whose mended thermometer leaves nothing to say, these alone, since they show as
+    any fault."""
+    if isinstance(wrong, OddRuns):
+        return wrong.sentences, []
+    warm = [wrong.suspicion.sentence] if wrong else []
     late = [whole.late.sentence] if whole.late is not None and whole.late.taken_s else []
     remarks = [*late, *runs.remarks, *chosen.not_dropped]
     if runs.refusals:
-        return list(runs.refusals), remarks
+        return [*warm, *runs.refusals], remarks
+    if wrong and wrong.mended:
+        return [], [*warm, *remarks]
+    remarks = [*warm, *remarks]
     told, doubts = list(chosen.answer.failed), [*remarks, *_doubts_of(chosen, strays)]
     if not chosen.answer.tried.foreign:
         return [], [*doubts, *told]
