@@ -33,7 +33,9 @@ Values = Mapping[str, float]
 Need = Literal["temperature", "half a turn"]
 """What runs must hold for an effect to be asked for: a temperature that is logged and moves, a
 table that turns by half a turn."""
-Condition = Literal["drive", "temperature cycle", "rate steps", "known scale factor"]
+Condition = Literal[
+    "drive", "temperature cycle", "rate steps", "known scale factor", "another rate"
+]
 """What a programme of runs must hold for some effects to show at all."""
 REFERENCE_TEMPERATURE = "reference_temperature_degc"
 """Name of the parameter of every effect that counts from a temperature at which the base model

@@ -37,4 +37,5 @@ EFFECT = Effect(
     ),
     readout=readout,
     slow_readout=slow_readout,
+    shown_by=("another rate",),
 )

@@ -41,4 +41,5 @@ EFFECT = Effect(
     ),
     readout=readout,
     slow_readout=slow_readout,
+    shown_by=("another rate",),
 )

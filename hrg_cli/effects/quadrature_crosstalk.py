@@ -34,4 +34,5 @@ EFFECT = Effect(
     ),
     readout=readout,
     slow_readout=slow_readout,
+    shown_by=("another rate",),
 )

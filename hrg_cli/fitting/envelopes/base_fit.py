@@ -28,15 +28,12 @@ SETTLED = 0.1
 may still move the fit."""
 PHASE_GAIN = 30.0
 """Δχ² for which two further orders of a run's phase are taken in."""
-SECOND_ORDER_REACH = 3.0
-"""Distance from 0.5 above which the scale of the second-order correction, truly 0 or 1, is held at
-1."""
 MISFIT = 1.5
 """χ² per degree of freedom above which something else than noise moves the scale of the second
 order."""
 SECOND_ORDER_DECIDED = 16.0
-"""Difference of χ² between the scales 0 and 1 for which the better one is held, and distance² up to
-which it counts as met."""
+"""Difference of χ² between the scales 0 and 1 of the second-order correction for which the better
+one is held, and distance² up to which it counts as met; where neither is, it is held at 1."""
 
 
 def check_runs(runs: Sequence[EnvelopeRun]) -> None:
@@ -480,8 +477,10 @@ def decide_second_order(result: Fit) -> float | None:
     near = int(np.argmin(distance2))
     if distance2[near] < SECOND_ORDER_DECIDED < distance2[1 - near] - distance2[near]:
         return float(near)
-    misfit = result.chi2 / result.dof > MISFIT
-    return 1.0 if misfit or abs(result.p[SECOND_ORDER] - 0.5) > SECOND_ORDER_REACH else None
+    # neither is met: something else moves it, at one rate a gain mismatch that no χ² shows beside
+    return (
+        1.0 if result.chi2 / result.dof > MISFIT or distance2[near] > SECOND_ORDER_DECIDED else None
+    )
 
 
 def _fit_from_start(

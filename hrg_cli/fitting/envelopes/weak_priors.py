@@ -49,12 +49,12 @@ IDENTIFIED = PriorWidths(np.inf, 2.0, FREQUENCY_SPLITS, SCALE_FACTORS, 0.5)
 one run tells ν and the split only together, the prior bounds what either may be. The second order's
 scale is 0 or 1: mean and spread of the two."""
 
-DIAGNOSED = PriorWidths(np.inf, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 1.0)
+DIAGNOSED = PriorWidths(np.inf, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 0.0)
 """`diagnose`: the residual is searched for causes, of which a bent split would be one. |νδμ| ≤ ν
-costs 0.01 of χ² at most, a twenty-fifth of what it would above. K and the scale are held while the
-misfit is gross, whatever these widths."""
+costs 0.01 of χ² at most, a twenty-fifth of what it would above. K is held while the misfit is
+gross, whatever its width, and the second order's scale always: free, it takes what causes do."""
 
-PLANNED = PriorWidths(10.0, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 1.0)
+PLANNED = PriorWidths(10.0, 10.0, FREQUENCY_SPLITS, SCALE_FACTORS, 1e-3)
 """`plan`: as the diagnosis that will judge the runs; ν as well, for a menu may hold forced runs
 alone, which do not tell it."""
 

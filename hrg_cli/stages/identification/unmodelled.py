@@ -24,8 +24,9 @@ from ...fitting.envelopes import coordinates
 from ...fitting.envelopes.condensed import IN_MEMORY
 from ...records import Wave
 from ..diagnosis.base.joint_fit import fit_base
+from ..diagnosis.closing.summed import find_moves_of_summed
 from ..diagnosis.fits.scoring import compute_worth, is_gross, score_effects
-from ..diagnosis.fits.variants import list_variants
+from ..diagnosis.fits.variants import Variant, list_variants
 from ..diagnosis.suspects.cases import fit_or_none
 from ..diagnosis.suspects.transformations import hold_rate, offset_rate
 from ..diagnosis.thresholds import INADEQUATE, WORTH
@@ -98,7 +99,9 @@ def doubt_beside_causes(
     # rows of its own may lose their way where the answer's have not
     if fit is None or is_gross(fit):
         return
-    close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, verdict)))])
+    candidates = list_variants([one for one in EFFECTS if not one.of_one_run], fit)
+    close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, candidates, verdict)))])
+    _widen_by_sums(fit, candidates, verdict)
 
 
 def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
@@ -108,13 +111,14 @@ def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
     return offset_rate(wave, earth_rad_s)
 
 
-def _list_movers(fit: ExtendedFit, verdict: Verdict) -> Iterator[Mover]:
+def _list_movers(
+    fit: ExtendedFit, candidates: Sequence[Variant], verdict: Verdict
+) -> Iterator[Mover]:
     """The causes that stand out of the noise as sure as they do for a diagnosis, and what each
     moves.
 
     What happens at an instant of one run is that run's, which is held against the others."""
     noise = float(verdict.details.get("variance_factor", 1.0))
-    candidates = list_variants([one for one in EFFECTS if not one.of_one_run], fit)
     for score, variant in score_effects(fit, candidates):
         worth = compute_worth(score, variant, fit, noise) if score.visible else 0.0
         if worth < WORTH:
@@ -134,6 +138,41 @@ def _find_moved_most(fit: ExtendedFit, score: Score, verdict: Verdict) -> tuple[
         if name in verdict.values and verdict.std[name] > 0
     }
     return max(told.items(), key=lambda pair: pair[1])
+
+
+def _widen_by_sums(fit: ExtendedFit, candidates: Sequence[Variant], verdict: Verdict) -> None:
+    """Put into the covariance what a read-out does that these runs, at one rate, show as splits,
+    and say of which parameters they show the sum."""
+    sums = find_moves_of_summed(fit, candidates)
+    _, slopes = coordinates.to_parameters(fit.point.p, verdict.mode_number)
+    moved: dict[str, set[str]] = {}
+    for cause, moves in sums.items():
+        by = slopes @ moves
+        for name, size in zip(verdict.order[1:], np.linalg.norm(by, axis=1), strict=True):
+            if name in verdict.values and size > verdict.std[name]:
+                moved.setdefault(name, set()).add(cause)
+        verdict.covariance[1:, 1:] += by @ by.T
+    if not moved:
+        return
+    _bound_axes(verdict)
+    spread = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
+    verdict.std.update(zip(verdict.order, map(float, spread), strict=True))
+    causes = sorted({cause for names in moved.values() for cause in names})
+    verdict.flat.append(
+        f"{', '.join(moved)}: at one rate these runs show the sum with what the read-out does"
+        f" ({', '.join(causes)}); the errors hold for its usual size, add runs at another rate,"
+        " best of the other sign"
+    )
+
+
+def _bound_axes(verdict: Verdict) -> None:
+    """An axis that nothing is known of is uniform over its period."""
+    for place, name in enumerate(verdict.order):
+        std = float(np.sqrt(verdict.covariance[place, place]))
+        most = np.pi / verdict.mode_number / np.sqrt(12)
+        if name.endswith("axis_rad") and std > most:
+            verdict.covariance[place] *= most / std
+            verdict.covariance[:, place] *= most / std
 
 
 def _check(movers: Sequence[Mover]) -> Check:

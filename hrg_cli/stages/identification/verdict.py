@@ -86,33 +86,45 @@ def judge_fit(
     beside = None
     turning = max(float(np.ptp(r.turn_rad)) for r in runs)
     mode = runs[0].mode_number
-    if known.scale_factor is None and (
-        turning == 0 or _flat_in(fit, "scale_factor") or is_one_rate(fit)
-    ):
-        nominal = choose_scale_factor(mode)
-        why = (
-            "no run was rotated"
-            if turning == 0
-            else f"the runs turn the table by {turning:.2g} rad at most"
-        )
-        if turning and is_one_rate(fit):
-            why = "at one rate and through part of a period only a damping split imitates it"
-        notes.append(
-            f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both"
-            " signs of a larger rate"
-        )
+    one_rate = is_one_rate(fit)
+    if known.scale_factor is None and (turning == 0 or _flat_in(fit, "scale_factor") or one_rate):
         # held, not given up: the splits are told beside a K that theory knows to its spread
-        known = dataclasses.replace(known, scale_factor=nominal)
-        fit = again(known)
-        if turning:
-            beside = inference.widen_by_held(fit, SCALE_FACTOR, choose_scale_factor_spread(mode))
-            spread = f"{nominal:g} ± {choose_scale_factor_spread(mode):g}"
-            notes[-1] += f"; the other errors hold for K = {spread}"
+        nominal = choose_scale_factor(mode)
+        beside_nominal = dataclasses.replace(known, scale_factor=nominal)
+        held = again(beside_nominal)
+        if not (turning and one_rate and _contradicts(held, fit)):
+            fit, known = held, beside_nominal
+            notes.append(_say_held(nominal, turning, one_rate))
+            if turning:
+                spread = choose_scale_factor_spread(mode)
+                beside = inference.widen_by_held(fit, SCALE_FACTOR, spread)
+                notes[-1] += f"; the other errors hold for K = {nominal:g} ± {spread:g}"
     verdict = judge_parameters(fit, runs, known, beside)
     if notes:
         del verdict.values["scale_factor"]  # nobody said it and no run shows it
     verdict.flat = notes + verdict.flat
     return verdict
+
+
+def _say_held(nominal: float, turning: float, one_rate: bool) -> str:
+    """Why a scale factor is not told, `turning` being how far the table turned [rad]."""
+    if turning == 0:
+        why = "no run was rotated"
+    elif one_rate:
+        why = "at one rate and through part of a period only a damping split imitates it"
+    else:
+        why = f"the runs turn the table by {turning:.2g} rad at most"
+    return (
+        f"scale_factor is not determined: {why}; it is held at {nominal:g}, add runs at both signs"
+        " of a larger rate"
+    )
+
+
+def _contradicts(held: Fit, free: Fit) -> bool:
+    """Whether runs will have nothing of a scale factor that is held, whatever else they hide: a
+    damping split that imitated it would make up for it."""
+    factor, _ = inference.estimate_variance_inflation(free)
+    return held.chi2 - free.chi2 > CONTRADICTION * factor
 
 
 def is_one_rate(fit: Fit) -> bool:

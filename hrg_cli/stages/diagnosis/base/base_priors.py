@@ -11,7 +11,7 @@ from ....fitting.causes.coordinate_priors import CoordinatePriors
 from ....fitting.causes.fit_point import Point
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.envelopes.base_freedom import choose_scale_factor
-from ....fitting.envelopes.coordinates import SCALE_FACTOR, SECOND_ORDER
+from ....fitting.envelopes.coordinates import SCALE_FACTOR
 from ....fitting.envelopes.envelope_runs import EnvelopeRun
 from ....fitting.envelopes.weak_priors import DIAGNOSED, SHAPES, find_natural_sizes
 from ....records import Wave
@@ -25,11 +25,11 @@ def choose_freedom(
     series: MeasuredRuns, point: Point, scale_factor: float | None
 ) -> CoordinatePriors:
     """Weak priors on the splits; while the misfit is gross, K is held where these runs cannot tell
-    it, the second order's scale at 1.
+    it.
 
     With one rate and less than a turn of the wave, K Ω does what a damping split does: a scale
     factor fitted there takes up any misfit. Once it is not gross, K may be any that a mode shape
-    makes (`SHAPES`; a pendulum's is 1), and the scale that of plain averaging, 0.
+    makes (`SHAPES`; a pendulum's is 1). The second order's scale is held at a resonator's.
 
     Parameters
     ----------
@@ -63,11 +63,10 @@ def choose_freedom(
         free = scale_factor is None and series.mode_number > 1
         loose[SCALE_FACTOR] = SHAPES * nominal if free else 0.0
     std = loose.copy()
-    std[SECOND_ORDER] = 0.0
     if not shown:
         std[SCALE_FACTOR] = 0.0
     mean = np.array([0, 0, 0, 0, 0, nominal, 1.0])
-    return CoordinatePriors(mean, std, loose=CoordinatePriors(np.append(mean[:6], 0.5), loose))
+    return CoordinatePriors(mean, std, loose=CoordinatePriors(mean, loose))
 
 
 def shows_scale_factor(series: MeasuredRuns, nominal: float) -> bool:

@@ -29,7 +29,7 @@ from ..drive.held_commands import allow_steps, find_likely_beats
 from ..drive.ripple import Ripple
 from ..drive.scatter import allow, allow_scatter, follow_walk, has_log
 from ..drive.tracker_start import allow_starts
-from ..fits.refits import loosen
+from ..fits.refits import fit_at_second_order, loosen
 from ..fits.scoring import is_gross
 from ..samples.lost_samples import PhaseStep
 from ..samples.waveform import find_phase_steps, split_at
@@ -322,10 +322,12 @@ def start_fit(fit: ExtendedFit) -> ExtendedFit:
     """
     if not is_gross(fit) or fit.freedom.loose is None:
         return loosen(fit)
-    with contextlib.suppress(extended_fit.DivergedError):
-        loose = fit.freedom.loose
-        free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose))
-        return fit if is_gross(free) else loosen(free)
+    # of a resonator, or of an equation averaged over the period
+    for second_order in (1.0, 0.0):
+        with contextlib.suppress(extended_fit.DivergedError):
+            free = fit_at_second_order(fit, second_order)
+            if not is_gross(free):
+                return loosen(free)
     return fit
 
 

@@ -16,6 +16,7 @@ from ....effects.effect import INSTANT, Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score, price_numbers
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.envelopes.coordinates import SECOND_ORDER
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
 from .scoring import compute_worth, is_gross, is_possible, price_place
@@ -496,8 +497,8 @@ def loosen(fit: ExtendedFit) -> ExtendedFit:
     """The fit with the scale factor free as far as these runs leave it, once the misfit is no
     longer gross enough to bend it.
 
-    The second order's scale is that of a real resonator; one that was freed is held again where
-    that costs little.
+    The second order's scale is that of a real resonator; where it was that of plain averaging, it
+    stays so only as long as that is clearly better.
 
     Parameters
     ----------
@@ -520,21 +521,50 @@ def loosen(fit: ExtendedFit) -> ExtendedFit:
     loose = fit.freedom.loose
     if is_gross(fit) or loose is None:
         return fit
-    held = extended_fit.fit(
-        fit.series,
-        fit.point,
-        replace(loose.hold("second_order", 1.0), loose=loose),
-        near=fit.flow.near,
-    )
-    freed = fit.layout.coordinate("second_order") is not None
-    return fit if freed and held.chi2 - fit.chi2 > CLEARLY else held
+    real = fit_at_second_order(fit, 1.0)
+    if fit.point.p[SECOND_ORDER] == 1.0:
+        return real
+    averaged = fit_at_second_order(fit, 0.0)
+    return averaged if real.chi2 - averaged.chi2 > CLEARLY else real
 
 
-def free_second_order(
+def fit_at_second_order(fit: ExtendedFit, scale: float) -> ExtendedFit:
+    """The fit with all that is weakly known free, at a scale of the second order.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    scale
+        1 of a resonator, 0 of an equation averaged over the period.
+
+    Returns
+    -------
+    ExtendedFit
+        Converged or not, as it says.
+
+    Examples
+    --------
+    Runs at some rad/s hardly show it:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.fits.refits import fit_at_second_order
+    >>> bool(abs(fit_at_second_order(draw_fit(), 0.0).chi2 - draw_fit().chi2) < 10)
+    True
+    """
+    loose = fit.freedom.loose or fit.freedom
+    held = replace(loose.hold("second_order", scale), loose=loose)
+    return extended_fit.fit(fit.series, fit.point, held, near=fit.flow.near)
+
+
+def take_plain_averaging(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
 ) -> ExtendedFit | None:
-    """The fit with the second order's scale free, where the data ask for that more than for any
-    cause: envelopes that come from plain averaging (0) and not from a resonator (1).
+    """The fit without the second order, where the data ask for that clearly more than for any
+    cause: envelopes that come from an equation averaged over the period and from no resonator.
+
+    A scale between 0 and 1, or beyond, is nobody's: free, it takes what a cause does. At one rate a
+    gain mismatch is a damping split and −10⁴ of itself of that scale.
 
     Parameters
     ----------
@@ -550,19 +580,18 @@ def free_second_order(
 
     Examples
     --------
-    Envelopes of a resonator are asked for no other second order:
+    Envelopes of a resonator do not:
 
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
-    >>> from hrg_cli.stages.diagnosis.fits.refits import free_second_order
-    >>> free_second_order(draw_fit(), []) is None
+    >>> from hrg_cli.stages.diagnosis.fits.refits import take_plain_averaging
+    >>> take_plain_averaging(draw_fit(), []) is None
     True
     """
-    loose = fit.freedom.loose
-    if is_gross(fit) or loose is None or fit.layout.coordinate("second_order") is not None:
+    if is_gross(fit) or fit.freedom.loose is None or fit.point.p[SECOND_ORDER] != 1.0:
         return None
-    free = extended_fit.fit(fit.series, fit.point, replace(loose, loose=loose), near=fit.flow.near)
+    averaged = fit_at_second_order(fit, 0.0)
     best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
-    return free if fit.chi2 - free.chi2 > max(CLEARLY, best) else None
+    return averaged if fit.chi2 - averaged.chi2 > CLEARLY + best else None
 
 
 def free_higher_orders(

@@ -26,7 +26,7 @@ than the prior does."""
 def list_base_values(
     sized: Sized,
     resonator: Resonator | None,
-    of_forcers: Mapping[str, Array],
+    of_summed: Mapping[str, Array],
     of_unnamed: Mapping[str, Array],
 ) -> list[dict[str, Any]]:
     """Base parameters as fitted; beside the user's, how many σ they moved and whether that makes
@@ -38,9 +38,9 @@ def list_base_values(
         The fit whose numbers are told.
     resonator
         The user's; None: there is none.
-    of_forcers
+    of_summed
         By how much causes of the drive that nothing excludes may move the coordinates
-        (`estimate_moves_of_forcers`). That is a part of every σ, and a parameter that they may move
+        (`estimate_moves_of_summed`). That is a part of every σ, and a parameter that they may move
         by more than these runs show it to says so: it is a sum.
     of_unnamed
         The same of causes that may be there unnamed (`estimate_moves_of_unnamed`); a parameter that
@@ -64,7 +64,7 @@ def list_base_values(
     numbers, slopes = to_parameters(fit.point.p, fit.series.mode_number)
     own = fit.coordinate_covariance() * sized.factor
     shown = np.sqrt(np.maximum(np.diag(slopes @ own @ slopes.T), 0))
-    moves = [*of_forcers.values(), *of_unnamed.values()]
+    moves = [*of_summed.values(), *of_unnamed.values()]
     stds = _stds_of_base(sized, numbers, slopes, own, moves)
     frequency = float(np.mean(fit.frequency_hz))
     given = resonator.parameters() if resonator is not None else {}
@@ -79,7 +79,7 @@ def list_base_values(
         }
         if name == "scale_factor" and _is_assumed(fit):
             row |= {"std": max(abs(float(value)), float(std)), "assumed": True}
-        for key, movers in (("sum_with", of_forcers), ("doubted_for", of_unnamed)):
+        for key, movers in (("sum_with", of_summed), ("doubted_for", of_unnamed)):
             if place and (names := _list_movers(slopes[place - 1], shown[place - 1], movers)):
                 row[key] = names
         if name in given:

@@ -13,9 +13,9 @@ from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ....records import Resonator
-from ..closing.forcers import estimate_moves_of_forcers
 from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
+from ..closing.summed import estimate_moves_of_summed
 from ..closing.unnamed import estimate_moves_of_unnamed
 from ..fits.variants import Variant
 from ..search.gain import Gain, list_gain_figures
@@ -70,7 +70,7 @@ def report(
     """
     search = case.search
     by_name = {v.effect.name: v for v in case.inquiry.candidates}
-    of_forcers = estimate_moves_of_forcers(case) | estimate_moves_of_delay(search.final)
+    of_summed = estimate_moves_of_summed(case) | estimate_moves_of_delay(search.final)
     return {
         "verdict": verdict,
         "mode_number": search.final.series.mode_number,
@@ -78,11 +78,11 @@ def report(
         "values": list_base_values(
             sized,
             resonator,
-            of_forcers,
+            of_summed,
             {
                 k: moves
                 for k, moves in estimate_moves_of_unnamed(case).items()
-                if k not in of_forcers
+                if k not in of_summed
             },
         ),
         "effects": [_effect(one, sized, by_name) for one in search.found],

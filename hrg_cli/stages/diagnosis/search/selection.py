@@ -20,12 +20,12 @@ from ..fits.refits import (
     adopt_hopeful,
     compute_bic,
     free_higher_orders,
-    free_second_order,
     hold_unseen,
     leave_out,
     loosen,
     refit,
     shortlist,
+    take_plain_averaging,
 )
 from ..fits.scoring import compute_worth, count_places, is_gross, is_possible, score_effects
 from ..fits.variants import Variant
@@ -177,7 +177,7 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
     """With all further causes that are worth their price, the best first."""
     base, fit, found, ranked = selected.base, selected.fit, list(selected.found), selected.ranked
     while True:
-        freed = free_second_order(fit, ranked)
+        freed = take_plain_averaging(fit, ranked)
         if freed is not None:
             fit, ranked = freed, score_effects(freed, inquiry.candidates)
             base = base if found else fit

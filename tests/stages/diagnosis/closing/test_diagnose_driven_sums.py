@@ -8,8 +8,8 @@ from hrg_cli import collect, demodulate, estimate, simulate
 from hrg_cli.effects import EFFECTS
 from hrg_cli.fitting.envelopes.coordinates import COORDINATES
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_base
-from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
 from hrg_cli.stages.diagnosis.closing.sized import Sized
+from hrg_cli.stages.diagnosis.closing.summed import estimate_moves_of_summed
 from hrg_cli.stages.diagnosis.fits.scoring import score_effects
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.report.base_values import list_base_values
@@ -66,7 +66,7 @@ def told(case):
     sized = Sized(case.search.final, case.search.final, 1.0)
     return {
         row["name"]: row
-        for row in list_base_values(sized, None, estimate_moves_of_forcers(case), {})
+        for row in list_base_values(sized, None, estimate_moves_of_summed(case), {})
     }
 
 
@@ -76,7 +76,7 @@ def driven():
 
 
 def test_driven_runs_alone_move_the_damping_by_what_the_forcers_do(driven):
-    moved = estimate_moves_of_forcers(driven)
+    moved = estimate_moves_of_summed(driven)
     # −N u + (1 + g)F u/a: a common excess g of both forces is −gν, a mismatch g −(g/2)ν of the split
     at = COORDINATES.index
     slopes = {"drive_gain": ("damping", -NU), "drive_gain_mismatch": ("damping_cos", -NU / 2)}
@@ -109,5 +109,5 @@ def test_what_the_forcers_may_add_is_in_every_sigma_of_driven_runs(driven):
 
 def test_a_free_run_beside_them_parts_the_sum():
     case = case_of(free=True)
-    assert estimate_moves_of_forcers(case) == {}
+    assert estimate_moves_of_summed(case) == {}
     assert all("sum_with" not in row for row in told(case).values())

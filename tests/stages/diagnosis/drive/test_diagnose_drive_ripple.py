@@ -19,8 +19,8 @@ from hrg_cli.fitting.samples.course import average_over_windows, integrate_means
 from hrg_cli.physics.ellipse import find_wave
 from hrg_cli.physics.resonator import OF_GENERATOR
 from hrg_cli.stages.diagnosis.base.joint_fit import fit_beside_answers
-from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
 from hrg_cli.stages.diagnosis.closing.sized import Sized
+from hrg_cli.stages.diagnosis.closing.summed import estimate_moves_of_summed
 from hrg_cli.stages.diagnosis.drive import scatter as drive_scatter
 from hrg_cli.stages.diagnosis.drive.ripple import Ripple
 from hrg_cli.stages.diagnosis.fits.refits import adopt
@@ -256,7 +256,7 @@ def test_a_small_excess_of_all_forces_is_in_the_sigma_of_quiet_runs(monkeypatch)
     true = dict(zip(OF_GENERATOR, coordinates.to_parameters(little, 2)[0], strict=True))
     told, alone = (
         {row["name"]: row for row in list_base_values(Sized(fit, fit, 1.0), None, moves, {})[1:]}
-        for moves in (estimate_moves_of_forcers(case), {})
+        for moves in (estimate_moves_of_summed(case), {})
     )
     off = {name: row["value"] - true[name] for name, row in told.items()}
     assert max(abs(off[name]) / row["std"] for name, row in alone.items()) > 20

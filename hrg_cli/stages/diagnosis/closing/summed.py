@@ -1,9 +1,12 @@
-"""Diagnosis, what the forcers may add to the base parameters unnamed.
+"""Diagnosis, what causes that such runs hardly part from the base parameters may add to these
+unnamed: they show the sum.
 
 A force is known by its command alone. In driven runs a mismatch g of the forcers is a damping split
 −gν/2, a common excess of both a damping −gν, a phase error of the quadrature's force a damping
 split δωΔφ (PHYSICS C1, C3, C4, §2 (iii)): what such runs show is the sum, to a σ that says nothing
 of the parts. Free runs beside them, and quadrature that moves under its own loop, tell the parts.
+At one rate a constant matrix E of the read-out is the splits [E, L] (gauge theorem, PHYSICS §0): a
+gain mismatch g is νδμ = KΩg. Other rates tell these parts; at one, the second order alone does.
 
 A cause p that a typical size t of it would not make worth its price, t²|S⊥|² < WORTH + ln N with S⊥
 its sensitivity off the model's, may therefore be there. With its typical size as prior,
@@ -19,6 +22,8 @@ coordinate by more than `SHOWN_AS_SUM` times what the runs show that to.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ....fitting.causes import scales
@@ -29,11 +34,13 @@ from ..search.search_case import Case
 from ..thresholds import SHOWN_AS_SUM, WORTH
 
 Array = np.ndarray
+SUMMED = frozenset({"drive", "another rate"})
+"""What runs must hold to show a cause whose sum with the base model all others show."""
 
 
-def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
-    """By how much the base model's coordinates may be moved by each cause of the drive that is not
-    named and not excluded.
+def estimate_moves_of_summed(case: Case) -> dict[str, Array]:
+    """By how much the base model's coordinates may be moved by each cause of the drive, or of the
+    read-out at one rate, that is not named and not excluded.
 
     Parameters
     ----------
@@ -47,25 +54,49 @@ def estimate_moves_of_forcers(case: Case) -> dict[str, Array]:
 
     Examples
     --------
-    A gain mismatch is none of the drive:
+    Runs at rates that differ, without a drive:
 
-    >>> from hrg_cli.stages.diagnosis.closing.forcers import estimate_moves_of_forcers
+    >>> from hrg_cli.stages.diagnosis.closing.summed import estimate_moves_of_summed
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_case
-    >>> estimate_moves_of_forcers(draw_case())
+    >>> estimate_moves_of_summed(draw_case())
     {}
     """
-    fit = case.search.final
+    return find_moves_of_summed(case.search.final, case.inquiry.candidates)
+
+
+def find_moves_of_summed(fit: ExtendedFit, candidates: Sequence[Variant]) -> dict[str, Array]:
+    """The same of a fit and the causes that are looked for.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    candidates
+        All causes.
+
+    Returns
+    -------
+    dict
+        By the cause's name, columns (7, k); none of a cause that the fit holds.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.closing.summed import find_moves_of_summed
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> find_moves_of_summed(draw_fit(), [])
+    {}
+    """
     active = {effect.name for effect, _ in fit.point.active}
-    open_ones = [
-        variant
-        for variant in case.inquiry.candidates
-        if "drive" in variant.effect.shown_by and variant.effect.name not in active
-    ]
-    found = {variant.effect.name: _moves(fit, variant) for variant in open_ones}
+    open_ones = [one for one in candidates if one.effect.name not in active]
+    found = {
+        one.effect.name: _moves(fit, one, of_drive="drive" in one.effect.shown_by)
+        for one in open_ones
+        if not SUMMED.isdisjoint(one.effect.shown_by)
+    }
     return {name: moves for name, moves in found.items() if moves.any()}
 
 
-def _moves(fit: ExtendedFit, variant: Variant) -> Array:
+def _moves(fit: ExtendedFit, variant: Variant, of_drive: bool) -> Array:
     """Columns (7, k) of one cause; none where it would have been named before it mattered."""
     # a difference step is a fixed part of the typical size in these runs' own units
     typical = np.array(list(variant.steps.values())) / scales.SMALL_PART
@@ -75,9 +106,17 @@ def _moves(fit: ExtendedFit, variant: Variant) -> Array:
     hidden = np.sum(free**2, axis=0) < WORTH + np.log(len(fit.residual))
     unnoticed = _move_by_doubt(fit, S[:, hidden], free[:, hidden], misfit)
     small = _move_by_doubt(fit, S[:, ~hidden], free[:, ~hidden], misfit)
+    both = np.concatenate([unnoticed, small], axis=1)
     shown = np.sqrt(np.diag(fit.coordinate_covariance()))
-    matters = np.any(np.linalg.norm(small[:, :-1], axis=1) > SHOWN_AS_SUM * shown)
-    return np.concatenate([unnoticed, small], axis=1) if matters else unnoticed
+    if of_drive:
+        return both if _matters(small, shown) else unnoticed
+    # a read-out matters at one rate alone, and then by far
+    return both if _matters(both, shown) else np.zeros((len(shown), 0))
+
+
+def _matters(moves: Array, shown: Array) -> bool:
+    """Whether the doubt in a cause moves a coordinate by far more than the runs show it to."""
+    return bool(np.any(np.linalg.norm(moves[:, :-1], axis=1) > SHOWN_AS_SUM * shown))
 
 
 def _move_by_doubt(fit: ExtendedFit, S: Array, free: Array, misfit: float) -> Array:
