@@ -209,7 +209,7 @@ def goes_by_run(series: MeasuredRuns) -> bool:
 
 
 def _of_run(contrasts: Array) -> Function:
-    return lambda u, s: np.broadcast_to(contrasts[:, s.run], (len(contrasts), *u.shape[:-1]))
+    return lambda u, s: np.stack([np.broadcast_to(one[s.run], u.shape[:-1]) for one in contrasts])
 
 
 def _of_times(series: MeasuredRuns) -> Iterator[Covariate]:

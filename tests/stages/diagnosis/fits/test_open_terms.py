@@ -73,3 +73,19 @@ def test_a_ripple_of_the_residual_is_among_the_tones_looked_for(fit):
     ]
     rippling = replace(fit, residual=fit.residual + np.cos(2 * np.pi * 7.3 * time / span))
     assert min(abs(cycles - 7.3) for cycles in find_peaks(rippling)) < 0.3
+
+
+def test_a_term_of_several_envelopes_is_that_of_each(fit):
+    """A march asks for many envelopes beside the same rows at once; parts of a term come first."""
+    series = fit.series
+    u = series.envelope * np.exp(0.1j * np.arange(3))[:, None, None, None]
+    named = set()
+    for covariate in list_covariates(series, series.envelope, [3.0]):
+        named.add(covariate.name)
+        at_once = covariate.function(u, series)
+        for k, one in enumerate(u):
+            for whole, alone in zip(at_once, covariate.function(one, series), strict=True):
+                np.testing.assert_allclose(
+                    np.broadcast_to(whole, u.shape[:-1])[k], np.broadcast_to(alone, one.shape[:-1])
+                )
+    assert "run" in named
