@@ -21,8 +21,8 @@ from .wave_frame import to_complex
 from .whitened_rows import compute_design, flatten_rows
 
 Array = np.ndarray
-SHORTEST = 1 / 128
-"""Part of a step that is tried last before the step is bent."""
+PARTS = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64, 1 / 128)
+"""Of a step, that are tried where all of it leads nowhere, before it is bent."""
 DAMPED = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Lengths of the damping rows, over those of the columns, where a whole step leads nowhere."""
 
@@ -129,6 +129,21 @@ class LinearModel:
         """Fall of χ² that the whole step promises."""
         return float(np.sum(self.design.multiply(self.step) ** 2))
 
+    def damp(self, damping: float) -> Array:
+        """The step with rows of this length, over those of the columns, that hold it back."""
+        rows, right = self.priors
+        # Marquardt's scaling: rows as long as the columns, so that units of the parameters do not
+        # matter
+        sizes = np.diag(
+            np.sqrt(np.sum(self.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0))
+        )
+        step, _ = self.factored.solve(
+            self.residual,
+            np.vstack([rows, damping * sizes]),
+            np.concatenate([right, np.zeros(len(sizes))]),
+        )
+        return np.asarray(step)
+
 
 def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePriors) -> LinearModel:
     """The model about a prediction, with the Gauss–Newton step from there.
@@ -206,12 +221,25 @@ def linearise(prediction: Prediction, layout: FitColumns, freedom: CoordinatePri
     return LinearModel(flow, design, residual, layout, factored, priors, step, covariance, lost)
 
 
+@dataclass(frozen=True)
+class Descent:
+    """A step that was taken: the prediction behind it, its cost, whether it was the whole one, and
+    its damping (0: none)."""
+
+    prediction: Prediction
+    value: float
+    whole: bool
+    damping: float
+
+
 def descend(
-    here: LinearModel, freedom: CoordinatePriors, value: float, settled: float
-) -> tuple[Prediction, float, bool]:
+    here: LinearModel, freedom: CoordinatePriors, value: float, settled: float, damping: float = 0.0
+) -> Descent:
     """The first part of the step that does not raise the cost.
 
-    Parts are halved down to `SHORTEST`; where none does, Levenberg's and Marquardt's path is taken.
+    Parts are halved down to the last of `PARTS`; where none does, Levenberg's and Marquardt's path
+    is taken. A bent valley that was entered on that path goes on: there the damping that led on is
+    tried next to the whole step.
 
     Parameters
     ----------
@@ -223,11 +251,13 @@ def descend(
         The cost there.
     settled
         Part of the cost by which a step may raise it and still counts as level.
+    damping
+        Of the step that led there; 0: it had none.
 
     Returns
     -------
-    tuple of Prediction, float and bool
-        After the step, its cost, and whether the whole step was taken.
+    Descent
+        Where none lowers the cost, that of the most damped step.
 
     Examples
     --------
@@ -251,41 +281,37 @@ def descend(
     >>> prediction = predict(series, Point(held, np.array([[1, 0.2j]]), np.zeros(1)))
     >>> here = linearise(prediction, build_layout(series, prediction.point, free), free)
     >>> before = compute_cost(prediction, free)
-    >>> after, cost, whole = descend(here, free, before, 1e-6)
-    >>> whole, bool(cost < 1e-2 * before), round(float(after.point.p[0]), 3)
-    (True, True, 0.118)
+    >>> made = descend(here, free, before, 1e-6)
+    >>> made.whole, bool(made.value < 1e-2 * before)
+    (True, True)
+    >>> round(float(made.prediction.point.p[0]), 3)
+    0.118
     """
+    led = [one for one in DAMPED if 0 < damping <= one]
+    most_damped: Descent | None = None
+    for part, damped in (
+        (1.0, 0.0),
+        *((1.0, one) for one in led),
+        *((one, 0.0) for one in PARTS),
+        *((1.0, one) for one in DAMPED if one not in led),
+    ):
+        step = part * (here.damp(damped) if damped else here.step)
+        trial, now = _follow(here, freedom, step)
+        taken = Descent(trial, now, part == 1.0 and not damped, damped)
+        if now < value or (not damped and now <= value + settled * value):
+            return taken
+        most_damped = taken if damped == DAMPED[-1] else most_damped
+    assert most_damped is not None
+    return most_damped
+
+
+def _follow(here: LinearModel, freedom: CoordinatePriors, step: Array) -> tuple[Prediction, float]:
+    """The motion after a step, and its cost."""
     start = here.flow.prediction
-
-    def after(step: Array) -> tuple[Prediction, float]:
-        spend_motion()
-        trial = predict(
-            start.series,
-            move_point(start.point, here.layout, step, freedom.passive),
-            here.flow.near,
-        )
-        return trial, compute_cost(trial, freedom)
-
-    size = 1.0
-    while size >= SHORTEST:
-        trial, now = after(size * here.step)
-        if now <= value + settled * value:
-            return trial, now, size == 1.0
-        size /= 2
-    rows, right = here.priors
-    # Marquardt's scaling: rows as long as the columns, so that units of the parameters do not
-    # matter
-    sizes = np.diag(np.sqrt(np.sum(here.factored.triangle**2, axis=0) + np.sum(rows**2, axis=0)))
-    for damping in DAMPED:
-        step, _ = here.factored.solve(
-            here.residual,
-            np.vstack([rows, damping * sizes]),
-            np.concatenate([right, np.zeros(len(sizes))]),
-        )
-        trial, now = after(step)
-        if now < value:
-            break
-    return trial, now, False
+    spend_motion()
+    point = move_point(start.point, here.layout, step, freedom.passive)
+    trial = predict(start.series, point, here.flow.near)
+    return trial, compute_cost(trial, freedom)
 
 
 def _predict_fall(design: Design, residual: Array, step: Array) -> float:

@@ -39,6 +39,8 @@ __all__ = [
 
 Array = np.ndarray
 MOST_STEPS = 15
+EARLY_STEPS = 6
+"""Steps after which a fit that stands far above what is known to be reached is given up."""
 
 
 @dataclass(frozen=True)
@@ -290,6 +292,7 @@ def fit(
     freedom: CoordinatePriors,
     most: int = MOST_STEPS,
     near: Near | None = None,
+    worst: float = np.inf,
 ) -> ExtendedFit:
     """The extended model's optimum over all runs, by Gauss–Newton with step halving.
 
@@ -309,6 +312,8 @@ def fit(
         Steps at most.
     near
         A motion close to that of the point, which is found sooner from it.
+    worst
+        χ² above which it is given up after `EARLY_STEPS`: it began too far from any that is known.
 
     Returns
     -------
@@ -358,20 +363,21 @@ def fit(
         value = compute_cost(prediction, freedom)
         if not np.isfinite(value):
             raise tell_no_motion(series, point)
-        converged, steps = False, 0
+        converged, steps, damping = False, 0, 0.0
         while True:
             here = linearise(prediction, layout, freedom)
-            if converged or steps == most:
+            if converged or steps == most or (steps >= EARLY_STEPS and value > worst):
                 break
             steps += 1
-            trial, now, whole = descend(here, freedom, value, settled)
-            if not now <= value:  # written so that a χ² that is no number ends here, too
+            made = descend(here, freedom, value, settled, damping)
+            if not made.value <= value:  # written so that a χ² that is no number ends here, too
                 # a step that neither lowers nor raises χ² by more than matters has nowhere to go
-                converged = now <= value + settled * value
+                converged = made.value <= value + settled * value
                 break
-            gained, value, prediction = value - now, now, trial
+            gained, value, damping = value - made.value, made.value, made.damping
+            prediction = made.prediction
             # a shortened step may gain little far from the optimum: that alone settles nothing
-            converged = here.expected < settled * value or (gained < settled * value and whole)
+            converged = here.expected < settled * value or (gained < settled * value and made.whole)
     index = np.argwhere(np.broadcast_to((series.weight > 0)[..., None], (*series.weight.shape, 4)))
     return ExtendedFit(
         freedom,
