@@ -16,6 +16,7 @@ from ....effects.effect import INSTANT, Effect
 from ....fitting.causes import extended_fit, fit_point
 from ....fitting.causes.evidence import Score, price_numbers
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.fit_point import Point
 from ....fitting.envelopes.coordinates import SECOND_ORDER
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
@@ -29,7 +30,8 @@ QUICK_STEPS = 6
 """Steps of a first refit where many are compared."""
 HOPELESS = 10.0
 """Times the χ² that a refit leaves, and its score promised to, which another cause's score must
-promise to leave for it not to be tried: what cannot fit takes by far the longest to say so."""
+promise to leave for it not to be tried, and times the χ² without a cause at which the fit with it
+is given up, whose start has led too far: what cannot fit takes by far the longest to say so."""
 
 
 def hold_effect(effect: Effect) -> Effect:
@@ -117,6 +119,7 @@ def adopt(
         fit.freedom,
         most,
         fit.flow.near,
+        worst=HOPELESS * fit.chi2,
     )
     # what changes others and does nothing alone (an instant) has no slope before these have a size
     if not any(p.fitted_then for p in effect.parameters):
@@ -392,6 +395,8 @@ def _refitted(
         if whole and is_gross(trial) and not is_gross(whole[0][1]):
             continue
         if not trial.converged:
+            if trial.chi2 > HOPELESS * fit.chi2:
+                continue
             trial = settle(trial)
             level = compute_bic(trial)
         effect, _ = trial.point.active[-1]
@@ -634,8 +639,8 @@ def free_higher_orders(
 
 
 def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) -> ExtendedFit | None:
-    """The fit again without some effects; None where no motion is left: the model cannot do without
-    them.
+    """The fit again without some effects, made once; None where no motion is left: the model cannot
+    do without them.
 
     Parameters
     ----------
@@ -660,10 +665,10 @@ def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) ->
     >>> bool(abs(without.chi2 - draw_mismatched_fit().chi2) < 0.01)
     True
     """
-    reduced: ExtendedFit | None = None
     point = reduce(fit_point.remove_effect, names, fit.point)
-    with contextlib.suppress(extended_fit.DivergedError):
-        reduced = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+    reduced: ExtendedFit | None = fit.recall(
+        ("without", frozenset(names)), lambda: _fit_from(fit, point)
+    )
     if base is None or (reduced is not None and reduced.converged):
         return reduced
     with contextlib.suppress(extended_fit.DivergedError):
@@ -673,3 +678,10 @@ def leave_out(fit: ExtendedFit, *names: str, base: ExtendedFit | None = None) ->
         if reduced is None or again.chi2 < reduced.chi2:
             return again
     return reduced
+
+
+def _fit_from(fit: ExtendedFit, point: Point) -> ExtendedFit | None:
+    """A fit again from a point near its motion; None where no motion is left."""
+    with contextlib.suppress(extended_fit.DivergedError):
+        return extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
+    return None

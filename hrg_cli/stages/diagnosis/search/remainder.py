@@ -608,6 +608,13 @@ def add_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     >>> bool(made.chi2 < fit.chi2 - 800)
     True
     """
+    # the search at another noise, or with other terms beside, comes by the same steps
+    key = name, term.place.name, term.covariate.formula, tuple(term.score.estimate.tolist())
+    added: ExtendedFit | None = fit.recall(("open", *key), lambda: _fit_with_term(fit, term, name))
+    return added
+
+
+def _fit_with_term(fit: ExtendedFit, term: Term, name: str) -> ExtendedFit | None:
     effect = make_open_effect(term.place, term.covariate, name)
     values = {
         q.name: float(v) if np.isfinite(v) else 0.0
