@@ -14,6 +14,11 @@ frame stands beside the wave by ε in angle and η in phase:
   angle and phase through −s²/(s² + √2 ω_n s + ω_n²), which passes all that is quicker than ω_n. A
   frequency split moves the phase in 4θ, and a loop of 1 Hz leaves a quarter of it where mθ turns by
   1.65 rad/s.
+- Begun with a recording: such a loop has yet to learn the course's rate (`begun_alike`).
+- Read in a frame whose phase is off by η, the wave of amplitudes a and b shows e_B'·u e^{−j(φ+η)} =
+  (1 − jη)(−jb − εa), whose real part is nought at ε = −ηb/a: an angle loop goes there with what
+  the phase loop leaves. Where the quadrature is held by a finite gain, b follows the split in 4θ
+  as η does, and the frame turns in 8θ; of loops that read the ellipse itself it does not.
 
 No log holds τ or ω_n. Any lateness that still lets loops hold the wave, and loops of any bandwidth
 between a run's length and a row, are therefore allowed for, the same in all runs together: one
@@ -33,28 +38,23 @@ from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_reals
 from ....fitting.envelopes.coordinates import SCALE_FACTOR
-from .scatter import find_row_length_s, turn_forces
+from .begun_alike import compute_begun
+from .scatter import turn_forces
+from .tracking import choose_natural_frequencies, compute_slope, compute_unfollowed
 
 Array = np.ndarray
 MOST_LATE_RAD = 0.3
 """Turn of the wave within a frame's lateness: a third as much force across the wave as along it is
 more than a loop bears that is meant to hold it."""
-APART = 1.25
-"""Ratio of neighbouring loops' natural frequencies: what one between two of them leaves is a
-combination of what all leave, to a thousandth. At a ratio of 2, to 4 %: of a phase that a split
-turns by 0.05 rad that was 20 σ over a run, and eight clean gyros of ten had an "angle that changes
-with wave angle"."""
-FINER = 4
-"""Instants a row at which a loop's answer is followed."""
-DAMPING = 0.5**0.5
-"""Of the loops: what one with up to four times as much leaves is a combination of theirs to 2 %,
-with half of it to a sixth."""
+LATE = 1
+"""Answers of a frame that is late, which stand first."""
 
 
 @dataclass(frozen=True)
 class FrameAnswers:
     """By how much one standard deviation of every answer of a late frame turns the commands' angle,
-    and their phase, rad (R, n, k), and what they all do to the waves, over σ (N, 2k)."""
+    (R, n, k), and their phase, (R, n, l), rad, and what they all do to the waves, over σ
+    (N, k + l)."""
 
     angle: Array
     phase: Array
@@ -65,18 +65,24 @@ class FrameAnswers:
         """Beside a fit."""
         series, courses = fit.series, find_courses(fit)
         turning = float(np.max(np.abs(compute_slope(series.time_s, courses[0]))))
-        angle, phase = (_answers(series, course, turning) for course in courses)
+        begun = compute_begun(fit, *courses)
+        angle, phase = (
+            np.concatenate([_answers(series, course, turning), one], axis=-1)
+            for course, one in zip(courses, begun, strict=True)
+        )
+        # a late frame is one that was right when it was read
+        angle = np.concatenate([angle, read_angle(fit, phase[..., LATE:])], axis=-1)
         moved = fit.flow.whiten_read_out(carry_turns(fit.flow, series, angle, phase))
         return cls(angle, phase, whitened_rows.flatten_own(series, moved))
 
     def compute_spread(self, fit: ExtendedFit) -> Array:
-        """What one standard deviation of each does, over σ (N, 2k); driven runs alone show that
+        """What one standard deviation of each does, over σ (N, k + l); driven runs alone show that
         scale factor which their loops make of it."""
         return _set_scale_factor_apart(fit, self.doings)
 
     def compute_turn(self, size: Array) -> Array:
-        """Turn of the frame by answers of these sizes (2k,), rad (R, n, 2)."""
-        angle, phase = np.split(size, 2)
+        """Turn of the frame by answers of these sizes (k + l,), rad (R, n, 2)."""
+        angle, phase = np.split(size, [self.angle.shape[-1]])
         return np.stack([self.angle @ angle, self.phase @ phase], axis=-1)
 
 
@@ -124,12 +130,12 @@ def carry_turns(flow: Propagation, series: MeasuredRuns, angle: Array, phase: Ar
     series
         The runs' rows.
     angle, phase
-        Turns [rad], (R, n, k) each.
+        Turns [rad], (R, n, k) and (R, n, l).
 
     Returns
     -------
     ndarray
-        (R, n, 4, 2k), per turn: the angles', then the phases'.
+        (R, n, 4, k + l), per turn: the angles', then the phases'.
 
     Examples
     --------
@@ -190,30 +196,36 @@ def find_courses(fit: ExtendedFit) -> tuple[Array, Array]:
     return driven * angle, driven * np.unwrap(np.angle(turn), axis=1)
 
 
-def compute_slope(time_s: Array, course: Array) -> Array:
-    """Rate of change over the rows.
+def read_angle(fit: ExtendedFit, phase: Array) -> Array:
+    """By how much a frame stands beside the wave's angle that is read where its phase is off.
 
     Parameters
     ----------
-    time_s
-        [s], (R, n).
-    course
-        (R, n).
+    fit
+        Of a model.
+    phase
+        Of the frame beside the wave's [rad], (R, n, k).
 
     Returns
     -------
     ndarray
-        (R, n), the course's unit per second; 0 where rows are padded.
+        −ηb/a [rad], (R, n, k).
 
     Examples
     --------
+    A straight wave is read where it is:
+
     >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.drive.command_frame import compute_slope
-    >>> compute_slope(np.array([[0.0, 0.5, 1.0]]), np.array([[0.0, 1.0, 2.0]])).tolist()
-    [[2.0, 2.0, 2.0]]
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.drive.command_frame import read_angle
+    >>> one = np.ones((*draw_fit().series.time_s.shape, 1))
+    >>> bool(np.abs(read_angle(draw_fit(), one)[:, 0]).max() < 1e-3)
+    True
     """
-    step = np.gradient(time_s, axis=1)
-    return np.divide(np.gradient(course, axis=1), step, out=np.zeros_like(course), where=step > 0)
+    v = fit.flow.prediction.motion
+    turn, e_A, e_B, _ = find_frame(v, fit.series.phase_rad)
+    a, b = (np.conj(turn) * np.sum(axis * v, axis=-1) for axis in (e_A, e_B))
+    return np.asarray((b.imag / a.real)[..., None] * phase)
 
 
 def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array:
@@ -223,102 +235,3 @@ def _answers(series: MeasuredRuns, course: Array, turning_rad_s: float) -> Array
     late = -late_s * compute_slope(series.time_s, course)
     left = compute_unfollowed(series, course, choose_natural_frequencies(series))
     return np.concatenate([late[..., None], left], axis=-1)
-
-
-def choose_natural_frequencies(
-    series: MeasuredRuns, slowest: float = 2 * np.pi, apart: float = APART
-) -> Array:
-    """ω_n of the loops allowed for, from a run's length to a row's.
-
-    Parameters
-    ----------
-    series
-        The runs' rows.
-    slowest
-        Times the run's inverse length with which they begin.
-    apart
-        Ratio of neighbours at most.
-
-    Returns
-    -------
-    ndarray
-        [rad/s], rising.
-
-    Examples
-    --------
-    Rows of 20 ms within 1 s:
-
-    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
-    >>> from hrg_cli.stages.diagnosis.drive.command_frame import choose_natural_frequencies
-    >>> found = choose_natural_frequencies(draw_fit().series, apart=3.0)
-    >>> found.round(1).tolist()
-    [6.4, 17.9, 50.0]
-    """
-    lengths = [np.ptp(t[w > 0]) for t, w in zip(series.time_s, series.weight, strict=True)]
-    least, most = slowest / max(lengths), 1 / find_row_length_s(series)
-    most = max(most, least)
-    return np.geomspace(least, most, 1 + max(1, int(np.ceil(np.log(most / least) / np.log(apart)))))
-
-
-def compute_unfollowed(
-    series: MeasuredRuns, course: Array, natural_rad_s: Array, *, as_before: bool = False
-) -> Array:
-    """What loops of second order leave of a course: −s²/(s² + √2 ω_n s + ω_n²), by the bilinear
-    rule on a fine grid.
-
-    Loops have followed the run's mean line when it begins.
-
-    Parameters
-    ----------
-    series
-        The runs' rows.
-    course
-        (R, n).
-    natural_rad_s
-        ω_n of the loops [rad/s].
-    as_before
-        The course is one like the run's own, turned about its start, so that nothing begins and
-        what is left is what the course alone leaves.
-
-    Returns
-    -------
-    ndarray
-        (R, n, loops), in the course's unit.
-
-    Examples
-    --------
-    A loop that is fast beside a course of 1 Hz leaves less of it:
-
-    >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
-    >>> from hrg_cli.stages.diagnosis.drive.command_frame import compute_unfollowed
-    >>> series = draw_fit().series
-    >>> left = compute_unfollowed(series, np.sin(2 * np.pi * series.time_s), np.array([3.0, 30.0]))
-    >>> left.shape, bool(np.ptp(left[0, :, 1]) < np.ptp(left[0, :, 0]))
-    ((3, 50, 2), True)
-    """
-    from scipy import signal
-
-    out = np.zeros((*course.shape, len(natural_rad_s)))
-    for k, (t, weight) in enumerate(zip(series.time_s, series.weight, strict=True)):
-        good = weight > 0
-        if not course[k].any():
-            continue
-        grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
-        values = np.interp(grid, t[good], course[k][good])
-        values -= values[0]
-        # a course turned about its start is odd: it goes on through the start without a bend, and
-        # nothing begins
-        whole = np.concatenate([-values[:0:-1], values]) if as_before else values
-        steps = np.arange(len(whole))
-        # loops of second order follow a line without error once they are settled
-        whole -= np.polynomial.Polynomial.fit(steps, whole, 1)(steps)
-        for loop, natural in enumerate(natural_rad_s):
-            rule = signal.bilinear(
-                [-1.0, 0.0, 0.0],
-                [1.0, 2 * DAMPING * natural, natural**2],
-                1 / (grid[1] - grid[0]),
-            )
-            left = signal.lfilter(*rule, whole)[-len(values) :]
-            out[k, :, loop] = np.interp(t, grid, left)
-    return out

@@ -33,9 +33,9 @@ from ....fitting.causes.sensitivities import Propagation, find_base_sensitivitie
 from ....fitting.causes.wave_frame import to_complex, to_reals
 from ....fitting.envelopes.coordinates import BASIS
 from ..thresholds import WORTH
-from .command_frame import compute_slope
 from .command_log import remove_command_scatter
 from .scatter import soften_runs
+from .tracking import compute_slope
 
 Array = np.ndarray
 FINER = 4
