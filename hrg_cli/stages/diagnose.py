@@ -310,8 +310,9 @@ def _judge(
     if failed:
         why = (describe_folded(pieces, samples.named), describe_rounding(pieces))
         failed = [*filter(None, why), *failed]
+    final, candidates = case.search.final, case.inquiry.candidates
     mistake = suspect_quiet_run(
-        asked.waves, asked.fit, cut.untouched, case.search.final, failed=bool(failed)
+        asked.waves, asked.fit, cut.untouched, final, candidates, failed=bool(failed)
     )
     return ClosedCase(
         searched, case, tones, sized, samples, model, written, again, closing, failed, mistake

@@ -28,7 +28,7 @@ from .laws import is_one_law
 from .leaks import find_leaks
 from .mistakes import find_every_mistake
 from .own_numbers import find_gain_of_lateness, find_largest_gain
-from .rivals import add_causes_to_fit
+from .rivals import add_causes_to_fit, fit_warming
 from .search import (
     DOUBTED,
     choose_case,
@@ -62,7 +62,13 @@ class QuietMistake:
 
 
 def suspect_quiet_run(
-    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit, *, failed: bool
+    waves: Sequence[Wave],
+    fitted: Fitted,
+    base: ExtendedFit,
+    final: ExtendedFit,
+    candidates: Sequence[Variant] = (),
+    *,
+    failed: bool,
 ) -> QuietMistake | None:
     """The run that is not what it says: one mistake of it, undone, leaves the stated noise, in
     place of all causes, of one of them, or beside them.
@@ -77,6 +83,8 @@ def suspect_quiet_run(
         That of these waves, without the causes found.
     final
         With them.
+    candidates
+        Causes of the catalogue beside `base`, as they may stand.
     failed
         Whether the closing checks have taken the word from these, so that every mistake is tried;
         of causes that pass, mistakes that promise as much are.
@@ -107,7 +115,7 @@ def suspect_quiet_run(
     if failed and (leak := _find_leak(waves, fitted, base, final)) is not None:
         return leak
     doubtful = None
-    for level in _levels(waves, fitted, base, final):
+    for level in _levels(waves, fitted, base, final, candidates):
         if level.before is None or not (
             (failed and level.asked_of_failed) or _promises(level.before, final)
         ):
@@ -115,10 +123,10 @@ def suspect_quiet_run(
         found = _find_mistake(waves, level.fitted, level.before)
         if found is None:
             continue
-        case, beside = found
+        case, beside, others = found
         chosen = case.reading.parameters * float(np.log(len(case.fit.residual)))
         gained = min(_price(final), _price(level.before)) - _price(case.fit) - chosen
-        if gained < -WORTH or _follows_a_law(case, level.before):
+        if gained < -WORTH or _follows_a_law(case, level.before, others):
             continue
         before = level.before.chi2 / level.before.dof
         kept = {effect.name for effect, _ in level.before.point.active}
@@ -133,11 +141,11 @@ def suspect_quiet_run(
     return doubtful if doubtful is not None and doubtful.causes else None
 
 
-def _follows_a_law(case: SuspectCase, before: ExtendedFit) -> bool:
+def _follows_a_law(case: SuspectCase, before: ExtendedFit, others: ExtendedFit) -> bool:
     """Whether what bends one run is clearly a law of what is logged of all: a scale factor that
     goes with the temperature's square bends the coldest run most."""
     left, numbers = case.chi2 / case.dof, case.reading.parameters
-    return is_one_law(before, left, numbers, WORTH, margin=CLEARLY, terms=2)
+    return is_one_law(before, left, numbers, WORTH, margin=CLEARLY, terms=2, others=others)
 
 
 def suspect_plain_run(
@@ -249,10 +257,15 @@ class _Level:
 
 
 def _levels(
-    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, final: ExtendedFit
+    waves: Sequence[Wave],
+    fitted: Fitted,
+    base: ExtendedFit,
+    final: ExtendedFit,
+    candidates: Sequence[Variant],
 ) -> Iterator[_Level]:
     """The base model; then it with all but one of the causes found, and with all that are no one
-    run's."""
+    run's; and as it follows the temperature, where no cause does: beside a thermometer that is
+    wrong in one run, what all runs do at one time of theirs is the better account."""
     yield _Level(fitted, base)
     common = [(e, values) for e, values in final.point.active if not e.of_one_run]
     if is_any_logged(waves):
@@ -266,6 +279,10 @@ def _levels(
     if common:
         beside_all = add_causes_to_fit(fitted, common)
         yield _Level(beside_all, fit_or_none(waves, beside_all))
+    if not any(effect.scales for effect, _ in final.point.active):
+        warm = fit_warming(fitted, candidates, base, 1 - CLEARLY / base.chi2)
+        if warm is not None:
+            yield _Level(warm, fit_or_none(waves, warm))
 
 
 def _promises(before: ExtendedFit, final: ExtendedFit) -> bool:
@@ -287,9 +304,9 @@ def _excess(fit: ExtendedFit) -> float:
 
 def _find_mistake(
     waves: Sequence[Wave], fitted: Fitted, before: ExtendedFit
-) -> tuple[SuspectCase, tuple[SuspectCase, ...]] | None:
-    """The mistake of one run that leaves the stated noise, and those as good; None where there is
-    none, or where a run is merely unlike the others."""
+) -> tuple[SuspectCase, tuple[SuspectCase, ...], ExtendedFit] | None:
+    """The mistake of one run that leaves the stated noise, those as good, and the fit of the other
+    runs; None where there is none, or where a run is merely unlike the others."""
     agreeing = [pair for pair in fit_without_each(waves, [], fitted, before) if pair[1].is_adequate]
     cases = [
         case
@@ -301,7 +318,9 @@ def _find_mistake(
     if not cases:
         return None
     case, beside = choose_case(cases)
-    return (case, beside) if case.apart is None and _mends(case.fit, before) else None
+    if case.apart is not None or not _mends(case.fit, before):
+        return None
+    return case, beside, dict(agreeing)[case.run]
 
 
 def _mends(fit: ExtendedFit, before: ExtendedFit) -> bool:

@@ -118,6 +118,7 @@ def fit_warming(
     fitted: Fitted,
     candidates: Sequence[Variant],
     base: ExtendedFit,
+    left: float = MATTERS,
 ) -> Fitted | None:
     """The fit with frequency and damping that follow the temperature; None where that does not
     lower χ² of the runs much.
@@ -130,6 +131,8 @@ def fit_warming(
         Causes of the catalogue beside `base`, as they may stand.
     base
         The fit of these runs.
+    left
+        Part of χ² that it may leave.
 
     Returns
     -------
@@ -151,7 +154,7 @@ def fit_warming(
 
     causes = [(variant.effect, variant.values) for variant in thermal]
     with contextlib.suppress(extended_fit.DivergedError):
-        if _with_causes(base, causes).chi2 < MATTERS * base.chi2:
+        if _with_causes(base, causes).chi2 < left * base.chi2:
             return add_causes_to_fit(fitted, causes)
     return None
 
