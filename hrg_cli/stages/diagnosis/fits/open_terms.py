@@ -1,9 +1,10 @@
 """Diagnosis, the vocabulary of the open search: places of the envelope equation and of the
 read-out, and functions of what is known.
 
-u' += g·M u or u_m = u + g·M u. M: damping −1, frequency j, their splits −R, jR, turning J, circular
-jJ, one channel's gain or phase; g: powers of time, amplitude, temperature, rate, harmonics of an
-angle, and in time a step, a tone or a decay e^{−t/τ} of free shape.
+u' += g·M u, u' += g·F of the drive's force F, or u_m = u + g·M u. M: damping −1, frequency j, their
+splits −R, jR, turning J, circular jJ, one channel's gain or phase; g: powers of time, amplitude,
+temperature, rate, harmonics of an angle, and in time a step, a tone or a decay e^{−t/τ} of free
+shape.
 """
 
 from __future__ import annotations
@@ -39,13 +40,18 @@ two; then their shape is refined."""
 @dataclass(frozen=True)
 class Place:
     """Where a term acts: its columns M u, the symbol it changes and its unit; `readout`: on what is
-    seen, not on the motion."""
+    seen, not on the motion; `of_drive`: M acts on the drive's force instead of the envelopes."""
 
     name: str
     symbol: str
     units: str
     readout: bool
     columns: Callable[[Array], list[Array]]
+    of_drive: bool = False
+
+    def acts_in(self, series: MeasuredRuns) -> bool:
+        """Whether any of the runs has what it acts on."""
+        return not self.of_drive or bool(np.any(series.forced > 0))
 
 
 def _mirror(u: Array) -> Array:
@@ -91,6 +97,7 @@ PLACES = (
     Place("phase of S", "ψ_S", "rad", True, lambda u: [u * [0, 1j]]),
     Place("angle", "−mθ", "rad", True, lambda u: [_turned(u)]),
     Place("quadrature offset", "r", "1", True, lambda u: [1j * _turned(u)]),
+    Place("drive gain", "F", "1", False, lambda force: [force], of_drive=True),
 )
 """Of places that do the same in some runs the first is named."""
 
@@ -508,7 +515,8 @@ def make_open_effect(place: Place, covariate: Covariate, name: str) -> Effect:
     names = [f"c{k}" for k in range(count)]
 
     def change(p: Any, u: Array, state: Any) -> Array:
-        parts = [g[..., None] * m for g in covariate.function(u, state) for m in place.columns(u)]
+        columns = place.columns(state.drive if place.of_drive else u)
+        parts = [g[..., None] * m for g in covariate.function(u, state) for m in columns]
         return sum(p[c] * part for c, part in zip(names, parts, strict=True))
 
     parameters = tuple(Parameter(c, place.units, 1e-3, "coefficient") for c in names)

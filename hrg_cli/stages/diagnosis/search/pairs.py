@@ -242,9 +242,11 @@ def fit_pair(fit: ExtendedFit, pair: Pair) -> tuple[ExtendedFit, tuple[Scored, S
     scored = []
     for one in (first, second):
         without = leave_out(trial, one.effect.name)
-        if without is None:
+        # a lag is none of anything without the cause that lags
+        alone = [] if without is None else score_effects(without, [one])
+        if not alone:
             return None
-        scored.append(score_effects(without, [one])[0])
+        scored.append(alone[0])
     return trial, (scored[0], scored[1])
 
 

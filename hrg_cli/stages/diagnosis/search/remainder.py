@@ -18,6 +18,7 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
 from ....fitting.causes.sensitivities import multiply_out
+from ....fitting.causes.slow_equation import RungeKuttaStage
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
 from ..drive.followed_walk import correct_for_walk
@@ -134,8 +135,10 @@ def _pairs(fit: ExtendedFit, own: bool) -> Iterator[tuple[Place, Covariate]]:
             continue
         for place in PLACES:
             # a constant at a place of the motion is a coordinate of the base model itself
-            if (covariate.formula != "1" or place.readout) and (
-                not covariate.places or place.name in covariate.places
+            if (
+                (covariate.formula != "1" or place.readout)
+                and (not covariate.places or place.name in covariate.places)
+                and place.acts_in(fit.series)
             ):
                 yield place, covariate
 
@@ -272,7 +275,7 @@ def compute_term_columns(
     for numbers in by_place.values():
         place = pairs[numbers[0]][0]
         at_rows = seen if place.readout else motion
-        vectors = _vectors(place, at_rows)
+        vectors = _vectors(place, _find_acted_on(place, flow.rows, at_rows))
         for some in _batch_terms(numbers, vectors.shape[-1]):
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
@@ -280,14 +283,18 @@ def compute_term_columns(
                 wide = flow.prediction.whiten_judged(multiply_out(vectors, g))
             else:
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
-                wide = flow.whiten_read_out(
-                    flow.propagate_products(vectors, _vectors(place, flow.middle), g, g_middle)
-                )
+                between = _vectors(place, _find_acted_on(place, flow.halves, flow.middle))
+                wide = flow.whiten_read_out(flow.propagate_products(vectors, between, g, g_middle))
             yield (
                 some,
                 flatten_rows(series, wide),
                 [part.shape[-1] * vectors.shape[-1] for part in parts],
             )
+
+
+def _find_acted_on(place: Place, stage: RungeKuttaStage, u: Array) -> Array:
+    """What a place's M acts on: the envelopes, or the force that drives them."""
+    return stage.make_state(u).drive if place.of_drive else u
 
 
 def _vectors(place: Place, u: Array) -> Array:
