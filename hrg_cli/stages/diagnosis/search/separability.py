@@ -17,6 +17,7 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....physics import ellipse
 from ..fits.variants import Variant
+from .late_thermometers import list_late_thermometers
 from .search_case import Case
 
 Array = np.ndarray
@@ -75,6 +76,7 @@ def list_not_separable(case: Case) -> list[dict[str, Any]]:
         for name, double in doubles.items()
     ]
     out += _held_by_the_log(case.search.final)
+    out += list_late_thermometers(case.search.final)
     pairs = _same_beside_the_base(scores, doubles) + _same_within_the_base(doubles, variants)
     groups = [[one.variant.effect.name, *one.rivals] for one in case.search.found if one.rivals]
     for group in groups + _join_pairs(pairs):
