@@ -143,7 +143,8 @@ def _find_moved_most(fit: ExtendedFit, score: Score, verdict: Verdict) -> tuple[
 def _widen_by_sums(fit: ExtendedFit, candidates: Sequence[Variant], verdict: Verdict) -> None:
     """Put into the covariance what a read-out does that these runs, at one rate, show as splits,
     and say of which parameters they show the sum."""
-    sums = find_moves_of_summed(fit, candidates)
+    of_read_out = [one for one in candidates if "another rate" in one.effect.shown_by]
+    sums = find_moves_of_summed(fit, of_read_out)
     _, slopes = coordinates.to_parameters(fit.point.p, verdict.mode_number)
     moved: dict[str, set[str]] = {}
     for cause, moves in sums.items():

@@ -31,6 +31,7 @@ from ....fitting.causes.whitened_rows import build_layout, compute_design
 from ....fitting.noise import channel_noise
 from ....physics import ellipse
 from ..base.joint_fit import settle_log
+from ..drive.scatter import has_log
 from ..fits.refits import hold_effect, leave_out
 from ..thresholds import ASTRAY, UNTAUGHT, WORSE_TAUGHT, WORTH
 from .search_case import Case
@@ -438,6 +439,7 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
     """
     with_it = without_it = 0.0
     fitted = max(1.0, final.chi2 / final.dof)
+    along = _settle_each_way(final, name, base)
     for fold in folds:
         with contextlib.suppress(extended_fit.DivergedError):
             point = fold.select_taught(final.point)
@@ -451,7 +453,10 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             if reduced is None:
                 continue
             misfit = max(1.0, reduced.chi2 / reduced.dof)
-            errors = [find_forecast_errors(f, base, fold) for f in (taught, reduced)]
+            errors = [
+                find_forecast_errors(fit, whole, fold)
+                for fit, whole in zip((taught, reduced), along, strict=True)
+            ]
             one, other = (side.compute_surprise(misfit) for side in errors)
             # where both are far beyond all that the training says it does not know, it is silent on
             # something else, as runs at rest are on the scale factor, and decides nothing
@@ -459,6 +464,17 @@ def predicts_worse(final: ExtendedFit, name: str, base: ExtendedFit, folds: Sequ
             if known and np.isfinite(one) and np.isfinite(other):
                 with_it, without_it = with_it + one, without_it + other
     return with_it > without_it + WORTH
+
+
+def _settle_each_way(
+    final: ExtendedFit, name: str, base: ExtendedFit
+) -> tuple[ExtendedFit, ExtendedFit]:
+    """Fits of all data, with a cause and without it, along whose motions what is held out is
+    judged: the walk of a drive's log that was found beside no cause holds what the cause does."""
+    if not has_log(base.series):
+        return base, base
+    without = leave_out(final, name)
+    return final, base if without is None else settle_log(without)
 
 
 def _knows(taught: ExtendedFit, final: ExtendedFit, name: str, least: float) -> bool:
