@@ -176,18 +176,24 @@ def test_frequencies_that_agree_are_said_to():
     assert out["frequencies"]["sentence"] == "the runs' frequencies agree within their errors"
 
 
-def test_one_sign_of_rotation_hides_a_gain_behind_the_damping_split():
-    """PHYSICS gauge theorem: the group and the next experiment, not a name."""
+def test_one_rate_hides_a_gain_behind_the_splits():
+    """PHYSICS gauge theorem: the group and the next experiment; by the second order alone one rate
+    shows that a read-out is there, and not which."""
     table = programme(7, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
     for run in table["run"]:
         run["environment"]["rate_rad_s"] = 2.0
     out = summarise(diagnose(waves(table)))
-    entry = next(g for g in out["not_separable"] if g["effects"] == ["gain_mismatch"])
-    assert (
-        out["effects"] == []
-        and entry["base"] == "damping split"
-        and "rotating" in entry["next_experiment"]
-    )
+    assert out["verdict"] == "partly explained"
+    (cause,) = out["effects"]
+    assert {cause["name"], *cause["indistinguishable_from"]} == {
+        "gain_mismatch",
+        "electrode_nonorthogonality",
+        "phase_mismatch",
+        "quadrature_crosstalk",
+    }
+    assert "+Ω and −Ω" in cause["next_experiment"]
+    for value in out["values"]:
+        assert abs(value["value"] - table["device"][value["name"]]) < 4 * value["std"]
 
 
 def test_a_logged_loop_is_measured_and_not_named():
