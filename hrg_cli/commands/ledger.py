@@ -90,7 +90,7 @@ ASKING = {
     "config": "TOML file with more limits, over those of --limits.",
     "assignments": "Change one limit, e.g. resonator.scale_factor.minimum=0.5; may be repeated.",
     "show_config": "Print the limits as TOML and leave.",
-    "strict": "A chart out of control, too, ends with status 3.",
+    "strict": "A chart out of control or a gyro that left its history, too, ends with status 3.",
 }
 
 
@@ -293,7 +293,8 @@ def _choose_entries(entries: Sequence[Entry], chosen: Chosen) -> list[Entry]:
 
 
 def _judge_overview(found: Overview | History, started: float, ledger: Path) -> dict[str, Any]:
-    """Refused where a gyro misses its limits, suspect where a chart is out of control."""
+    """Refused where a gyro misses its limits, suspect where a chart is out of control or a gyro has
+    left its own history."""
     status = "refused" if found.missed else "suspect" if found.doubts else "valid"
     return {
         "kind": "ledger",

@@ -12,6 +12,7 @@ from .charts import Chart, make_chart
 from .entry import KINDS, Entry
 from .judging import Bounds, Held, compute_share_of_limit, find_bounds, find_tables, hold_limits
 from .overview import explain_unknown, find_gauge, list_gyros
+from .own_history import HistoryDistance, find_departure
 from .series import AXIS, list_usual_figures, make_series, select_independent
 from .trend import Move, Trend, compute_days_to_limit, find_move, fit_trend
 
@@ -19,8 +20,8 @@ from .trend import Move, Trend, compute_days_to_limit, find_move, fit_trend
 @dataclass(frozen=True)
 class FigureHistory:
     """A figure of one gyro: its measurements in the order of time, the last one's move against that
-    before and the first, in σ and as a share of the limit, its line over time with the days left to
-    a limit, and its chart."""
+    before and the first, in σ and as a share of the limit, how far it is from its own history, its
+    line over time with the days left to a limit, and its chart."""
 
     kind: str
     name: str
@@ -33,13 +34,10 @@ class FigureHistory:
     since_first: Move | None
     share_before: float | None
     share_first: float | None
+    from_history: HistoryDistance | None
     trend: Trend | None
     days_to_limit: float | None
     chart: Chart | None
-
-
-MOST_MOVED_SIGMA = 5.0
-"""A move from one result to the next beyond which one of them is in doubt: that of `check`."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +60,8 @@ class History:
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences: newest results that are refused, figures out of control, and those that moved
-        since the last by more than both their σ allow."""
+        """Sentences: newest results that are refused, figures out of control, and those that have
+        left their own history by more than both their σ allow."""
         last = {e.kind: e for e in self.entries}
         said = [
             f"the newest {e.kind} is refused"
@@ -78,11 +76,9 @@ class History:
                 if figure.chart is not None and figure.chart.out_of_control
             ]
             + [
-                f"{name_figure(figure.name)} moved by {figure.since_before.sigma:+.3g} σ since the"
-                f" last, {MOST_MOVED_SIGMA:g} σ at most were expected; measure again"
+                figure.from_history.describe(figure.name)
                 for figure in self.figures
-                if figure.since_before is not None
-                and abs(figure.since_before.sigma or 0.0) > MOST_MOVED_SIGMA
+                if figure.from_history is not None and figure.from_history.since is not None
             ]
         )
 
@@ -187,6 +183,7 @@ def _figure(entries: Sequence[Entry], kind: str, name: str, bounds: Bounds) -> F
         since_first=first,
         share_before=None if before is None else compute_share_of_limit(before.change, bounds),
         share_first=None if first is None else compute_share_of_limit(first.change, bounds),
+        from_history=find_departure(found),
         trend=line,
         days_to_limit=None if line is None else compute_days_to_limit(last, line, *bounds),
         chart=make_chart(found.values),

@@ -21,6 +21,7 @@ from .gauge import GaugeStudy, study_gauge
 from .golden import Golden, describe_golden_unit
 from .guard_bands import Risks, compute_risks
 from .judging import Bounds, GaugeOf, Held, find_bounds, find_tables, hold_limits
+from .own_history import HistoryDistance, find_departure
 from .series import (
     AXIS,
     FigureSeries,
@@ -39,14 +40,22 @@ SHOWN = 5
 @dataclass(frozen=True)
 class Standing:
     """A gyro by its newest result of a kind: how often it was measured, the figure that moved most
-    since the measurement before (in σ), and its rows against the limits."""
+    since the measurement before (in σ), that which is farthest from the gyro's own history, and its
+    rows against the limits."""
 
     entry: Entry
     results: int
     measurements: int
     moved_figure: str
     moved_sigma: float | None
+    changed_figure: str
+    changed: HistoryDistance | None
     held: tuple[Held, ...]
+
+    @property
+    def farthest_sigma(self) -> float:
+        """The larger of both, without a sign."""
+        return max(abs(self.moved_sigma or 0.0), abs(self.changed.sigma if self.changed else 0.0))
 
 
 @dataclass(frozen=True)
@@ -102,12 +111,14 @@ class Overview:
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences: charts out of control, and newest results that are refused."""
+        """Sentences: charts out of control, newest results that are refused, and gyros that have
+        left their own history."""
         said = [
             f"{s.entry.gyro_id}: its newest {s.entry.kind} is refused"
             for s in self.standings
             if s.entry.status == "refused" and not s.held
         ]
+        said += self._list_changed()
         for figure in self.figures:
             if figure.chart is not None and figure.chart.out_of_control:
                 beyond = [v.point for v in figure.chart.violations if v.rule == BEYOND]
@@ -123,6 +134,16 @@ class Overview:
             if row.chart is not None and row.chart.out_of_control
         ]
         return said
+
+    def _list_changed(self) -> list[str]:
+        """A sentence a gyro and kind, for the figure that is farthest from its history."""
+        said = [
+            f"{s.entry.gyro_id}: {s.changed.describe(s.changed_figure)}"
+            for s in self.standings
+            if s.changed is not None and s.changed.since is not None
+        ]
+        more = len(said) - SHOWN
+        return said[:SHOWN] + ([f"{more} more gyros have left their history"] if more > 0 else [])
 
     @property
     def false_alarms_expected(self) -> float:
@@ -378,15 +399,15 @@ def _standings(
     rows = []
     for entry in last.values():
         own = [e for e in counting if e.gyro_id == entry.gyro_id]
-        figure, sigma = _most_moved(own)
         against = tuple(hold_limits(entry, table, guard_sigma, gauges)) if table else ()
-        rows.append(Standing(entry, results[entry.gyro_id], len(own), figure, sigma, against))
+        moved, changed = _most_moved(own), _most_changed(own)
+        rows.append(Standing(entry, results[entry.gyro_id], len(own), *moved, *changed, against))
     return sorted(
         rows,
         key=lambda r: (
             all(h.passed for h in r.held),
             r.entry.status != "refused",
-            -abs(r.moved_sigma or 0.0),
+            -r.farthest_sigma,
             r.entry.gyro_id,
         ),
     )
@@ -400,3 +421,13 @@ def _most_moved(entries: Sequence[Entry]) -> tuple[str, float | None]:
     ]
     known = [(name, m.sigma) for name, m in moves if m is not None and m.sigma is not None]
     return max(known, key=lambda pair: abs(pair[1]), default=("", None))
+
+
+def _most_changed(entries: Sequence[Entry]) -> tuple[str, HistoryDistance | None]:
+    """The figure of the newest result that is farthest from the gyro's own history."""
+    found = [
+        (name, find_departure(make_series(entries, name)))
+        for name in list_usual_figures(entries[-1:])
+    ]
+    known = [(name, away) for name, away in found if away is not None]
+    return max(known, key=lambda pair: abs(pair[1].sigma), default=("", None))

@@ -119,6 +119,8 @@ def _standing(row: Standing) -> dict[str, Any]:
         "measurements": row.measurements,
         "moved_most": row.moved_figure or None,
         "moved_sigma": row.moved_sigma,
+        "changed_most": row.changed_figure or None,
+        "changed": None if row.changed is None else asdict(row.changed),
         "within_limits": all(h.passed for h in row.held) if row.held else None,
         "limits": [_describe_limit(h) for h in row.held],
     }

@@ -195,19 +195,19 @@ def _svg(plot: Plot) -> Markup:
 
 def _gyro_row(row: Standing, cells: Sequence[str]) -> GyroRow:
     missed = any(not held.passed for held in row.held)
-    moved = abs(row.moved_sigma or 0.0)
     tags = [
         name
         for name, told in (
             ("failed", missed),
-            ("moved", moved > FAR),
+            ("moved", row.farthest_sigma > FAR),
             ("refused", row.entry.status == "refused"),
         )
         if told
     ]
     keys: list[str | None] = [None] * len(cells)
     keys[2] = str(row.results)
-    keys[6] = repr(moved) if row.moved_figure else ""
+    keys[6] = repr(abs(row.moved_sigma or 0.0)) if row.moved_figure else ""
+    keys[7] = repr(abs(row.changed.sigma)) if row.changed else ""
     shade = "refused" if missed else row.entry.status
     return GyroRow([clean_text(cell) for cell in cells], keys, " ".join(tags), shade)
 

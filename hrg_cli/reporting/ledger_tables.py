@@ -18,6 +18,8 @@ from .text import format_number
 
 Names = Mapping[tuple[str, str], str]
 """(kind, key) of a figure -> what it is called."""
+MOVED, CHANGED = "moved most", "from its history"
+"""Columns of the gyros: since the last result, and against all earlier ones that agreed."""
 
 
 def show_overview(found: Overview) -> None:
@@ -34,7 +36,7 @@ def show_overview(found: Overview) -> None:
     >>> from hrg_cli.reporting.ledger_tables import show_overview
     >>> show_overview(make_overview([]))
     0 results of 0 gyros
-    gyro  kind  results  newest  station  status  moved most  limits
+    gyro  kind  results  newest  station  status  moved most  from its history  limits
     """
     say(say_what_counts(found))
     _print([tabulate_gyros(found), *tabulate_figures(found)])
@@ -124,7 +126,7 @@ def tabulate_gyros(found: Overview) -> PageTable:
     >>> tabulate_gyros(make_overview([entry])).rows[0][:2]
     ('SN-1', 'resonator')
     """
-    head = ("gyro", "kind", "results", "newest", "station", "status", "moved most", "limits")
+    head = ("gyro", "kind", "results", "newest", "station", "status", MOVED, CHANGED, "limits")
     return PageTable("", head, [_standing(row) for row in found.standings])
 
 
@@ -270,8 +272,17 @@ def _standing(row: Standing) -> tuple[str, ...]:
         row.entry.station or "–",
         " ".join(filter(None, (row.entry.status, row.entry.verdict))),
         moved,
+        _changed(row),
         ("misses " + ", ".join(missed) if missed else "within") if row.held else "–",
     )
+
+
+def _changed(row: Standing) -> str:
+    """What is farthest from the gyro's own history, and since when."""
+    if row.changed is None:
+        return "–"
+    since = "" if row.changed.since is None else f" since {row.changed.since[:10]}"
+    return f"{name_figure(row.changed_figure)} {say_sigma(row.changed.sigma)}{since}"
 
 
 def _population(row: FigureReport, names: Names) -> tuple[str, ...]:

@@ -183,7 +183,7 @@ def test_samples_processed_again_are_one_measurement():
     assert [e.figures[SPLIT].value for e in kept] == [0.200, 0.101, 0.102]
     told = make_overview(twice)
     assert (told.entries, told.refused, told.reprocessed) == (5, 1, 1)
-    assert told.doubts == ["SN-1: its newest resonator is refused"]
+    assert told.doubts[0] == "SN-1: its newest resonator is refused"
 
 
 def test_time_of_measurement_orders_where_it_is_known():
@@ -304,10 +304,43 @@ def test_a_lot_is_entered_gyro_by_gyro(hrg, tmp_path):
     assert told.status == 1 and "no.sqlite" in told.err
 
 
+def list_departures(found):
+    """Its doubts without those of its chart."""
+    return [said for said in found.doubts if "σ from the" in said]
+
+
 @pytest.mark.parametrize(("by", "doubted"), [(4.0, False), (-6.0, True), (13.2, True)])
-def test_a_large_move_since_the_last_is_in_doubt(by, doubted):
+def test_a_large_departure_from_the_history_is_in_doubt(by, doubted):
     """A page said "nothing is in doubt" beside a move of 13.2 σ: the chart's own spread held it."""
-    last = 0.1 + by * np.sqrt(2) * 1e-4
+    last = 0.1 + by * np.sqrt(1 + 1 / 9) * 1e-4
     rows = [entry("SN-1", float(day), last if day == 9 else 0.1) for day in range(10)]
     found = tell_history(rows, "SN-1")
-    assert any(f"moved by {by:+.3g} σ since the last" in said for said in found.doubts) == doubted
+    told = f"is {by:+.3g} σ from the mean of the 9 earlier results that agreed"
+    assert any(told in said for said in found.doubts) == doubted
+    alone = [f"SN-1: {said}" for said in list_departures(found)]
+    assert make_overview(rows).doubts == alone and len(alone) == doubted
+
+
+@pytest.mark.parametrize("again", [1, 2, 9])
+def test_a_step_stands_however_often_it_is_measured(again):
+    """One result more after a step, and the alarm was silent."""
+    steps = [0.1, 0.1 + 1e-4, *[0.103 - 1e-4 * (k % 2) for k in range(again)]]
+    rows = [entry("SN-1", float(day), value) for day, value in enumerate(steps)]
+    found = tell_history(rows, "SN-1")
+    (said,) = list_departures(found)
+    (standing,) = make_overview(rows).standings
+    assert f"since the one processed {rows[2].processed}" in said
+    assert standing.changed.since == rows[2].processed and standing.changed.sigma > 20
+    assert (abs(standing.moved_sigma) < 2) == (again > 1)
+    acknowledged = tell_history(rows[2:], "SN-1")
+    assert list_departures(acknowledged) == []
+
+
+def test_a_gyro_that_returns_is_in_doubt_no_more_and_one_that_creeps_is():
+    def tell(values):
+        rows = [entry("SN-1", float(day), value) for day, value in enumerate(values)]
+        return list_departures(tell_history(rows, "SN-1"))
+
+    assert tell([0.1, 0.103, 0.103, 0.1]) == []
+    creeping = 0.1 + 1e-4 * np.arange(14)  # 1 σ a result
+    assert tell(creeping[:7]) == [] and len(tell(creeping)) == 1

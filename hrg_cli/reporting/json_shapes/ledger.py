@@ -35,7 +35,8 @@ class LedgerShow(Common):
     false_alarms_expected: Number
     """Points beyond 3 σ to expect by chance in all charts."""
     gyros: list[dict[str, Any]]
-    """Each gyro's last result, what moved most in σ, and its limits."""
+    """Each gyro's last result, what moved most in σ since the one before, what is farthest from the
+    gyro's own history and since when, and its limits."""
     figures: list[dict[str, Any]]
     """Each figure: chart, capability, gauge study, risks."""
     golden: list[dict[str, Any]]
@@ -52,6 +53,7 @@ class LedgerHistory(Common):
     entries: list[dict[str, Any]]
     """Each result; counts: whether it is the last of its samples."""
     figures: list[dict[str, Any]]
-    """Each figure over time: values, σ, moves in σ and in shares of the limit, chart."""
+    """Each figure over time: values, σ, moves in σ and in shares of the limit, how far it is from
+    its own history and since when, chart."""
     limits: list[dict[str, Any]]
     """The last result against limits."""
