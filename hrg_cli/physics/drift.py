@@ -376,47 +376,6 @@ def make_motion(
     return slope
 
 
-def make_following_motion(
-    mechanics: Mechanics, rate_rad_s: float, quadrature_gain_1_s: float
-) -> Callable[[float, Array], Array]:
-    """The motion of a gyro whose fast quadrature loop makes r follow the angle with the lag 1/λ.
-
-    r = r_settled(θ + KΩ/mλ), right to (2KΩ/λ)².
-
-    Parameters
-    ----------
-    mechanics
-        The resonator.
-    rate_rad_s
-        Ω.
-    quadrature_gain_1_s
-        k_q of the quadrature loop, fast against KΩ.
-
-    Returns
-    -------
-    callable
-        (t, θ) -> dθ/dt, as `integrate_by_adams` takes it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from hrg_cli.physics.drift import make_following_motion
-    >>> from hrg_cli.physics.resonator import Mechanics
-    >>> slope = make_following_motion(Mechanics(1000.0, 0.2, scale_factor=0.5), 1.0, 100.0)
-    >>> slope(0.0, np.zeros(1)).tolist()
-    [-0.25]
-    """
-    decay = compute_quadrature_decay(mechanics, "force", quadrature_gain_1_s)
-    turning = mechanics.scale_factor * rate_rad_s
-
-    def slope(_: float, angle: Array) -> Array:
-        seen = angle + turning / (mechanics.mode_number * decay)
-        r = find_settled_quadrature(mechanics, seen, "force", quadrature_gain_1_s)
-        return np.asarray((compute_drift(mechanics, angle, r) - turning) / mechanics.mode_number)
-
-    return slope
-
-
 def follow_tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) -> Array:
     """θ(t) at rest with damping split alone: tan m(θ − θ_μ) = tan m(θ₀ − θ_μ)·e^{2νδμ t}.
 
@@ -449,7 +408,8 @@ def follow_tangent_law(mechanics: Mechanics, start_rad: float, time_s: Angle) ->
     m = mechanics.mode_number
     offset = m * (start_rad - mechanics.damping_axis_rad)
     turns = np.round(offset / np.pi)
-    growth = np.exp(2 * mechanics.damping_split_1_s * np.asarray(time_s, float))
+    efolds = 2 * mechanics.damping_split_1_s * np.asarray(time_s, float)
+    growth = np.exp(np.minimum(efolds, 700.0))  # long there by then
     angle = np.arctan2(np.sin(offset - np.pi * turns) * growth, np.cos(offset - np.pi * turns))
     return np.asarray(mechanics.damping_axis_rad + (angle + np.pi * turns) / m)
 

@@ -44,7 +44,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("along / (nu - mechanics.damping_split_1_s * np.cos(chi)", "along / (nu + mechanics.damping_split_1_s * np.cos(chi)"),
             ("split * np.sin(2 * zeta)", "split * np.sin(zeta)"),
             ('(2 if drive == "parametric" else 1)', "1"),
-            ("np.exp(2 * mechanics.damping_split_1_s", "np.exp(mechanics.damping_split_1_s"),
+            ("efolds = 2 * mechanics.damping_split_1_s", "efolds = mechanics.damping_split_1_s"),
             ("turns = np.round(offset / np.pi)", "turns = 0 * offset"),
             ("m2 = 2 * mechanics.mode_number", "m2 = mechanics.mode_number"),
         ),

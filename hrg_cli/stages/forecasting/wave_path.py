@@ -1,8 +1,9 @@
 """The way of the wave over hours, and the error of the input angle that it makes between external
-fixes, by the Adams rule."""
+fixes, by the Adams rule and along the orbit on which a driven wave settles."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -12,6 +13,7 @@ from ...errors import HrgError
 from ...fitting.envelopes.resonator_spread import find_deviation, from_vector, make_vector
 from ...physics import drift as law
 from ...physics.resonator import Mechanics
+from .settled_orbit import SettledOrbit, find_orbits
 
 Array = np.ndarray
 STARTS = 24
@@ -19,9 +21,11 @@ STARTS = 24
 STEP_ANGLE = 0.1
 """Fastest rate × step of the Adams rule."""
 MOST_STEPS = 400_000
-FAST_LOOP = 100.0
-"""λ over the rates of the motion from which r follows the angle, with its lag: the error is the
-square of the inverse."""
+E_FOLDS = 30.0
+"""Of the quadrature's decay towards its orbit, after which it is on it: 1e-13 of what it began
+beside it."""
+BESIDE_ORBIT = 1e-8
+"""Of r, within which it is."""
 LARGEST_RATIO = 0.9
 """|r| from which a wave is nearly a circle and has no angle to forecast."""
 FADED = 1e-2
@@ -43,7 +47,7 @@ class Conditions:
 def follow_wave(
     gyros: Mechanics, mechanics: Mechanics, run: Conditions
 ) -> tuple[dict[str, Array], float]:
-    """The way of the wave over hours, by the Adams rule.
+    """The way of the wave over hours.
 
     Parameters
     ----------
@@ -92,6 +96,9 @@ def follow_wave(
     starts = np.arange(STARTS) * np.pi / m / STARTS
     angles = run.wave_angle_rad + np.concatenate([[0.0], starts])
     times = list_times(run.duration_s)
+    if run.drive == "free":  # what has faded is not followed
+        heard = np.exp(-mechanics.damping_rate_1_s * times) > FADED
+        times = times[: max(1, int(np.count_nonzero(heard)))]
     followed, largest = _follow(gyros, angles, run, times, STEP_ANGLE / 2)
     alive = np.all(largest < LARGEST_RATIO, axis=1)  # (times, angles): a course ends by itself
     if run.drive == "free":
@@ -170,41 +177,66 @@ def list_times(duration_s: float) -> Array:
 def _follow(
     gyros: Mechanics, angles: Array, run: Conditions, times: Array, step_angle: float
 ) -> tuple[Array, Array]:
-    """(θ, r) at the times (t, 2, gyros, angles) by the Adams rule, and the largest |r| of any step
-    up to them (t, gyros, angles); the quadrature starts settled, in a run-down at zero."""
-    drive, gain, rate = run.drive, run.quadrature_gain_1_s, run.rate_rad_s
-    follows, fastest = _rates_of_motion(gyros, run)
+    """(θ, r) at the times (t, 2, gyros, angles), and the largest |r| of any step up to them (t,
+    gyros, angles); by the Adams rule until the quadrature has settled on the gyro's orbit, along
+    this thereafter. The quadrature starts settled, in a run-down at zero."""
+    fastest, settling = _rates_of_motion(gyros, run)
     first = np.ceil(times[0] * fastest / step_angle)  # steps up to the first row
     step, whole = float(times[0] / first), float(first * (times[-1] / times[0]))
-    if not whole < MOST_STEPS:
+    until = E_FOLDS / settling if settling > 0 else np.inf
+    _need_steps(min(whole, until / step), times[-1], step)
+    orbits = _find_usable_orbits(gyros, run) if until < times[-1] else None
+    if orbits is not None:
+        until = E_FOLDS / min(orbit.settling_1_s for orbit in orbits)
+        rows, after = np.round(times[times <= until] / step), times[times > until]
+        settled = np.floor(until / step)
+        if len(after) and settled < MOST_STEPS:
+            path, widest = _step_through(gyros, angles, run, step, [*rows, settled])
+            most = np.array([orbit.largest_ratio for orbit in orbits])[:, None]
+            state = path[-1]
+            if np.max(np.abs(state[1] - _find_ratios(orbits, state[0]))) < BESIDE_ORBIT:
+                later = _follow_orbits(orbits, state[0], after - settled * step)
+                highest = np.repeat(np.maximum(widest[-1:], most), len(after), axis=0)
+                return np.concatenate([path[:-1], later]), np.concatenate([widest[:-1], highest])
+    _need_steps(whole, times[-1], step)
+    return _step_through(gyros, angles, run, step, np.round(times / step))
+
+
+def _find_usable_orbits(gyros: Mechanics, run: Conditions) -> list[SettledOrbit] | None:
+    """The gyros' orbits, where none of them comes near a circle."""
+    found = find_orbits(gyros, run.rate_rad_s, run.drive, run.quadrature_gain_1_s)
+    usable = found is not None and all(o.largest_ratio < LARGEST_RATIO for o in found)
+    return found if usable else None
+
+
+def _need_steps(count: float, duration_s: float, step_s: float) -> None:
+    if not count < MOST_STEPS:
         raise HrgError(
-            f"a forecast of {times[-1]:g} s takes {whole:.3g} steps of {step:.2g} s; shorten it"
+            f"a forecast of {duration_s:g} s takes {count:.3g} steps of {step_s:.2g} s; shorten it"
             " (--duration-s) or its rate"
         )
 
+
+def _step_through(
+    gyros: Mechanics, angles: Array, run: Conditions, step: float, numbers: Iterable[float]
+) -> tuple[Array, Array]:
+    """(θ, r) after so many steps of the Adams rule each, and the largest |r| up to them; infinite
+    where a course has left the numbers."""
+    drive, gain = run.drive, run.quadrature_gain_1_s
     begin = np.zeros((len(np.atleast_1d(gyros.damping_rate_1_s)), len(angles)))
     settled = (
         begin
         if drive == "free"
         else begin + law.find_settled_quadrature(gyros, angles, drive, gain)
     )
-    if follows:
-        slope, state = law.make_following_motion(gyros, rate, gain), begin + angles
-    else:
-        slope, state = (
-            law.make_motion(gyros, rate, drive, gain),
-            np.stack([begin + angles, settled]),
-        )
-    steps = law.step_by_adams(slope, state, step)
+    state = np.stack([begin + angles, settled])
+    motion = law.make_motion(gyros, run.rate_rad_s, drive, gain)
+    steps = law.step_by_adams(motion, state, step)
     out, widest, largest, at = [], [], np.abs(settled), 0
     with np.errstate(all="ignore"):
-        for number in np.round(times / step).astype(int):
+        for number in numbers:
             for state in islice(steps, int(number) - at):
-                if not follows:
-                    # `fmax` would forget a course that has left the numbers
-                    np.maximum(largest, np.abs(state[1]), out=largest)
-            if follows:  # whose map was held against a circle at every angle
-                state = np.stack([state, law.find_settled_quadrature(gyros, state, drive, gain)])
+                # `fmax` would forget a course that has left the numbers
                 np.maximum(largest, np.abs(state[1]), out=largest)
             out.append(state)
             widest.append(largest.copy())
@@ -213,15 +245,27 @@ def _follow(
     return path, ratio
 
 
-def _rates_of_motion(gyros: Mechanics, run: Conditions) -> tuple[bool, float]:
-    """Whether r follows the angle, its own decay being far faster than all else, and the fastest
-    rate that is left to step, 1/s."""
+def _find_ratios(orbits: Sequence[SettledOrbit], angles: Array) -> Array:
+    """r on the gyros' orbits at the wave angles (gyros, …)."""
+    return np.stack([orbit.find_ratio(one) for orbit, one in zip(orbits, angles, strict=True)])
+
+
+def _follow_orbits(orbits: Sequence[SettledOrbit], starts: Array, times: Array) -> Array:
+    """(θ, r) at the times (t, 2, gyros, angles) from settled angles (gyros, angles) on."""
+    later = np.stack(
+        [orbit.follow(start, times) for orbit, start in zip(orbits, starts, strict=True)]
+    )
+    return np.moveaxis(np.stack([later, _find_ratios(orbits, later)]), 2, 0)
+
+
+def _rates_of_motion(gyros: Mechanics, run: Conditions) -> tuple[float, float]:
+    """The fastest rate to step, and about the rate at which the quadrature settles (0: it does
+    not), 1/s."""
     turning = float(np.max(2 * gyros.scale_factor * abs(run.rate_rad_s)))
     splits = float(np.max(2 * gyros.damping_split_1_s + 2 * gyros.frequency_split_rad_s))
-    gain = run.quadrature_gain_1_s
-    decay = float(np.max(law.compute_quadrature_decay(gyros, run.drive, gain)))
-    follows = gain > 0 and decay > FAST_LOOP * (turning + splits)
-    return follows, turning + splits + (0.0 if follows else 2 * decay)
+    decay = law.compute_quadrature_decay(gyros, run.drive, run.quadrature_gain_1_s)
+    settling = 0.0 if run.drive == "free" else float(np.min(decay))
+    return turning + splits + 2 * float(np.max(decay)), settling
 
 
 def say_short(table: dict[str, Array], duration: float, drive: str) -> str:
