@@ -37,7 +37,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(
         Parameter("lost_s", "s", 1e-4, "time lost, a whole number of samples"),
-        Parameter("time_s", "s", 0.5, "instant of the loss", fitted=False),
+        Parameter("time_s", "s", 0.5, "instant of the loss", fitted=False, required=True),
         make_run_parameter(),
     ),
     mistaken_for=("a phase slip",),

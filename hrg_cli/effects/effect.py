@@ -79,6 +79,9 @@ class Parameter:
     higher_order
         The next order of what the effect does: held at its neutral value until the effect stands and
         the data ask for it more than for any other cause.
+    required
+        No value is the usual one, so that whoever asks for the effect must give it: the instant of
+        what happens once, the frequency of a tone.
     """
 
     name: str
@@ -92,6 +95,7 @@ class Parameter:
     sets_in: bool = False
     fitted_then: bool = False
     higher_order: bool = False
+    required: bool = False
 
 
 def make_reference_temperature(

@@ -44,7 +44,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("c_gain", "1", 1e-3, "relative step of the gain of C"),
         Parameter("s_gain", "1", 1e-3, "relative step of the gain of S"),
-        Parameter("time_s", "s", 0.5, "instant of the step", fitted=False),
+        Parameter("time_s", "s", 0.5, "instant of the step", fitted=False, required=True),
         make_run_parameter(),
     ),
     mistaken_for=("momentum_kick",),

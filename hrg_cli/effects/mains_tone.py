@@ -53,7 +53,7 @@ EFFECT = Effect(
             for channel in "cs"
             for part in ("cos", "sin")
         ),
-        Parameter("frequency_hz", "Hz", 50.0, "frequency of the tone", fitted=False),
+        Parameter("frequency_hz", "Hz", 50.0, "frequency of the tone", fitted=False, required=True),
     ),
     mistaken_for=(),
     next_experiment="the same run at another temperature: the resonance moves, the tone does not",

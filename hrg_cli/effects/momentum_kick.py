@@ -86,7 +86,7 @@ EFFECT = Effect(
             fitted=False,
             fitted_then=True,
         ),
-        Parameter("time_s", "s", 0.5, "instant of the knock", fitted=False),
+        Parameter("time_s", "s", 0.5, "instant of the knock", fitted=False, required=True),
         make_run_parameter("that was struck"),
     ),
     mistaken_for=("dropped_samples",),

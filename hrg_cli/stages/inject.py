@@ -27,6 +27,7 @@ from ..settings import parse_toml
 from .demodulate import demodulate
 from .estimate import estimate
 from .injection.motion import Hidden, integrate_change
+from .injection.nothing_done import explain_nothing
 from .injection.samples import Injection
 
 Array = np.ndarray
@@ -71,8 +72,8 @@ def inject(
     Raises
     ------
     HrgError
-        No effect, an unknown effect or parameter, values that do nothing in this recording, a
-        read-out by carrier, no temperature log for what follows it.
+        No effect, an unknown effect or parameter, one that is missing, values that do nothing in
+        this recording, a read-out by carrier, no temperature log for what follows it.
 
     Examples
     --------
@@ -110,7 +111,14 @@ def inject(
     for effect, p in hidden:
         effect.readout(p, pickoff)
     return Injection(
-        recording, wave, change, pickoff, _change_logs(recording, hidden), bool(moving), name
+        recording,
+        wave,
+        change,
+        pickoff,
+        _change_logs(recording, hidden),
+        bool(moving),
+        name,
+        explain_nothing(recording, hidden),
     ).make_blocks(block_samples)
 
 
@@ -153,8 +161,8 @@ def summarise(record: Recording) -> dict[str, Any]:
 def _choose_effects(
     effects: Mapping[str, Mapping[str, float]], extra_effects: Sequence[Effect]
 ) -> list[Hidden]:
-    """The effects with all their parameters; one that is given nothing but neutral values is a
-    mistake."""
+    """The effects with all their parameters; one that is given nothing but neutral values, or not
+    what it cannot do without, is a mistake."""
     if not effects:
         raise HrgError(
             "no effect is named; `hrg effects` lists them, add --effect NAME --set PARAMETER=VALUE"
@@ -171,6 +179,10 @@ def _choose_effects(
             sizes = effect.fitted() or effect.parameters
             own = ", ".join(f"{p.name} [{p.units}]" for p in sizes)
             raise HrgError(f"effects.{name}: does nothing with the values given; set one of {own}")
+        missing = [p for p in effect.parameters if p.required and p.name not in given]
+        if missing:
+            own = ", ".join(f"{p.name} [{p.units}], the {p.meaning}" for p in missing)
+            raise HrgError(f"effects.{name}: {own}, is missing; set it")
         hidden.append((effect, values))
     return hidden
 

@@ -213,12 +213,43 @@ def test_the_samples_do_not_depend_on_the_blocks(plain):
         ({"gain_mismatch": {}}, "does nothing with the values given; set one of gain"),
         ({"mains_tone": {"frequency_hz": 50.0}}, r"set one of c_cos \[.*s_sin \[[^,]*$"),
         ({"momentum_kick": {"time_s": 0.5}}, r"set one of (?!.*(time_s|phase_rad|run)).*\["),
-        ({"drive_rotation": {"electrical_angle_rad": 1e-3}}, "the effects do nothing in it"),
+        (
+            {"drive_rotation": {"electrical_angle_rad": 1e-3}},
+            r"the effects do nothing in it \(drive_rotation: the run has no drive\)",
+        ),
+        ({"momentum_kick": {"c_velocity_over_omega": 1e-3}}, r"kick: time_s \[s\], .* missing"),
+        ({"gain_step": {"c_gain": 1e-3}}, r"gain_step: time_s \[s\], .* is missing"),
+        ({"dropped_samples": {"lost_s": 1e-4}}, r"dropped_samples: time_s \[s\], .* is missing"),
+        ({"mains_tone": {"c_sin": 1e-3}}, r"mains_tone: frequency_hz \[Hz\], .* is missing"),
+        (
+            {"gain_step": {"c_gain": 1e-3, "time_s": 0.7}},
+            "time_s = 0.7 is not within the run, 0 to",
+        ),
     ],
 )
 def test_what_cannot_be_hidden_is_refused_in_words(effects, says, plain):
     with pytest.raises(HrgError, match=says):
         collect(inject(plain[False], resonator(), effects=effects))
+
+
+@pytest.mark.parametrize(
+    ("effects", "says"),
+    [
+        ({"thermal_gradient": {"frequency_s_k": 1e-7}}, "the run's temperature is constant"),
+        ({"centrifugal_stiffness": {"coefficient": 20.0}}, "the run is at rest"),
+        ({"quadrature_drive_phase_error": {"phase_rad": 1e-2}}, "the run has no drive"),
+    ],
+)
+def test_what_an_effect_misses_in_a_still_run_is_named(effects, says):
+    still = recorded({}, environment={"temperature_degc": 22.0})
+    with pytest.raises(HrgError, match=says):
+        collect(inject(still, resonator(), effects=effects))
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_what_happens_at_an_instant_or_a_frequency_has_no_usual_one(effect):
+    known = {p.name for p in effect.parameters if p.required}
+    assert known == {p.name for p in effect.parameters} & {"time_s", "frequency_hz"}
 
 
 def test_a_carrier_is_refused(plain):

@@ -37,6 +37,7 @@ class Injection:
     logs: Mapping[str, Array]
     moved: bool
     name: str
+    why_nothing: str
 
     def make_blocks(self, rows: int) -> Iterator[Recording]:
         """The recording block by block."""
@@ -64,8 +65,7 @@ class Injection:
             last = self._block(t + shift, raw, keep, first == 0)
         if last is None or not (altered or removed):
             raise UnchangedError(
-                f"{self.name}: the effects do nothing in it (a free run has no drive, a constant"
-                " temperature no ramp); see `hrg effects`"
+                f"{self.name}: the effects do nothing in it ({self.why_nothing}); see `hrg effects`"
             )
         doubts = [] if self.change is None else self.change.list_doubts()
         if clipped:
