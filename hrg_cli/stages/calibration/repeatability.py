@@ -20,6 +20,8 @@ LEAST_SWEEP_DEGC_S = 1e-4
 MOVED = 6.0
 """Times the scatter of a thermometer's readings that the temperature must move within a piece to
 have a direction: the mean of a dwell's noise goes up or down as well."""
+ROUNDING = 1e-12
+"""Of a temperature, below which its rows do not bend."""
 SINGULAR = 1e-7
 """Smallest eigenvalue of a programme's scaled normal matrix from which its offset is held."""
 
@@ -49,9 +51,19 @@ def _label_programmes(
 
 
 def _measure_scatter(degc: Array) -> float:
-    """σ of single readings (b,) about their course, by their second differences."""
-    bends = np.diff(degc, 2)
-    return float(np.sqrt(np.mean(bends**2) / 6)) if len(bends) else 0.0
+    """σ of single readings (b,) about their course, by their third differences over two readings.
+
+    Rows between two readings lie on the straight line from one to the other, and bend nowhere: what
+    neighbouring rows differ by is that line, and no noise.
+    """
+    bent = np.abs(np.diff(degc, 2)) > ROUNDING * np.abs(degc).max(initial=0.0)
+    if len(degc) < 4 or not bent.any():
+        return 0.0
+    # rows that are means bend in groups, one about each reading
+    readings = int(bent[0]) + int(np.count_nonzero(bent[1:] & ~bent[:-1]))
+    apart = 1 if bent.all() else min(2 * len(bent) // readings, (len(degc) - 1) // 3)
+    first, second, third, last = (degc[k * apart : len(degc) - (3 - k) * apart] for k in range(4))
+    return float(np.sqrt(np.mean((last - 3 * third + 3 * second - first) ** 2) / 20))
 
 
 def compute_sweep(path: AnglePath) -> Array:
