@@ -127,7 +127,9 @@ def plan(
     refused = find_impossible(
         prospects.sum_all_information(), prospects.questions, prospects.layout
     )
-    answers_nothing = bool(prospects.questions) and len(refused) >= len(prospects.questions)
+    wanted = _list_wanted(prospects.questions, known, causes, criterion)
+    unmet = find_impossible(prospects.sum_all_information(), wanted, prospects.layout)
+    answers_nothing = bool(wanted) and len(unmet) == len(wanted)
     return Plan(
         runs=tuple(
             PlannedRun(name, tables[name], explain_run(name, names, prospects, asked))
@@ -139,8 +141,23 @@ def plan(
         impossible=tuple(dict.fromkeys([*refused, *list_never_told(known)])),
         file={**common, "run": [dict(tables[name]) for name in names]},
         status="suspect" if answers_nothing else "valid",
-        status_reasons=tuple(refused) if answers_nothing else (),
+        status_reasons=tuple(unmet) if answers_nothing else (),
     )
+
+
+def _list_wanted(
+    questions: Sequence[Question],
+    known: Resonator | Diagnosis,
+    causes: Sequence[str],
+    criterion: str,
+) -> list[Question]:
+    """What the plan is there for: causes that were found or are named. A cause that the runs so far
+    could not show is offered beside them; where no run of the menu shows it either, that is a
+    note."""
+    if criterion != "auto":
+        return list(questions) if criterion == "separate" else []
+    found = [row["name"] for row in known.told("effects")] if isinstance(known, Diagnosis) else []
+    return [question for question in questions if question.cause in (*causes, *found)]
 
 
 def _worth_of(prospects: Prospects, asked: Sequence[Question]) -> Callable[[Array], float]:

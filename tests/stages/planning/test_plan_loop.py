@@ -6,6 +6,7 @@ from diagnosis_programme import programme, waves
 
 from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.plan import plan
+from hrg_cli.stages.planning.like_measured import make_menu_like
 
 FOLLOWS = {
     "thermal_frequency": {"relative_1_k": 2e-6},
@@ -114,3 +115,23 @@ def test_what_no_run_can_tell_leaves_the_plan_to_the_variances() -> None:
     chosen = plan(diagnose(made), menu, made, runs=1, causes=["table_rate_error"])
     assert any("table rate error" in sentence for sentence in chosen.impossible)
     assert "σ of" in chosen.runs[0].reason
+
+
+def test_a_cause_that_nothing_shows_is_a_note_beside_a_plan_that_does_what_it_is_for() -> None:
+    """After an explained diagnosis no run like those made shows a centrifugal stiffness: the plan
+    was "suspect" for it. What is asked for by name or as a criterion is another matter."""
+    table = programme(64, {"gain_mismatch": {"gain": 4e-3}}, runs=3)
+    for run, rate in zip(table["run"], (0.0, 0.0, 1.0), strict=True):
+        run["environment"] = {"rate_rad_s": rate}
+    made = waves(table)
+    explained = diagnose(made)
+    assert summarise(explained)["verdict"] == "explained"
+    menu = make_menu_like(explained)
+    chosen = plan(explained, menu, made, runs=2)
+    assert any("centrifugal stiffness" in said for said in chosen.impossible)
+    assert chosen.status == "valid" and chosen.status_reasons == () and len(chosen.runs) == 2
+    for asked in ({"causes": ["centrifugal_stiffness"]}, {"criterion": "separate"}):
+        doubted = plan(explained, menu, made, runs=2, **asked)
+        assert doubted.status == "suspect"
+        assert all("centrifugal stiffness" in said for said in doubted.status_reasons)
+    assert plan(explained, menu, made, runs=2, criterion="variance").status == "valid"
