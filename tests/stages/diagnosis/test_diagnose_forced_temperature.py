@@ -81,8 +81,9 @@ def check(config, found, report):
         assert abs(slope["value"] - true) < 4 * slope["std"]
     shares = {cause["name"]: cause["share"] for cause in report["effects"]}
     for cause, (name, power) in OF_FREQUENCY.items() if bends else ():
-        # each run's own frequency takes it over in the base model: it turns no wave
-        assert shares[cause]["drift_deg_h"] < 1
+        # each run's own frequency takes it over in the base model: it turns no wave by more than
+        # what the loops' trackers may leave
+        assert shares[cause]["drift_deg_h"] < 2
         slope = causes[cause][name]
         assert abs(slope["value"] - bends[power]) < 4 * slope["std"]
 
