@@ -25,6 +25,7 @@ from ...fitting.envelopes.condensed import IN_MEMORY
 from ...records import Wave
 from ..diagnosis.base.joint_fit import fit_base
 from ..diagnosis.closing.summed import find_moves_of_summed
+from ..diagnosis.fits.refits import take_plain_averaging
 from ..diagnosis.fits.scoring import compute_worth, is_gross, score_effects
 from ..diagnosis.fits.variants import Variant, list_variants
 from ..diagnosis.suspects.cases import fit_or_none
@@ -100,6 +101,7 @@ def doubt_beside_causes(
     if fit is None or is_gross(fit):
         return
     candidates = list_variants([one for one in EFFECTS if not one.of_one_run], fit)
+    fit = take_plain_averaging(fit, score_effects(fit, candidates)) or fit
     close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, candidates, verdict)))])
     _widen_by_sums(fit, candidates, verdict)
 
