@@ -33,6 +33,8 @@ rest, and the fall that shows it."""
 DISAGREES = 5.0
 """Shift of the answer by one run, as improbable as so many σ of a single number, above which it
 disagrees with the rest: six in ten million runs by chance, however many numbers a run tells."""
+POSSIBLE = 3.0
+"""Standard deviations of what is known of K of all resonators within which one is possible."""
 CANDIDATES = 3
 """Runs at most that are left out one at a time."""
 ORDER = tuple(name for name, _ in PARAMETERS)
@@ -92,7 +94,7 @@ def judge_fit(
         nominal = choose_scale_factor(mode)
         beside_nominal = dataclasses.replace(known, scale_factor=nominal)
         held = again(beside_nominal)
-        if not (turning and one_rate and _contradicts(held, fit)):
+        if not (turning and one_rate and _contradicts(held, fit, mode)):
             fit, known = held, beside_nominal
             notes.append(_say_held(nominal, turning, one_rate))
             if turning:
@@ -120,11 +122,13 @@ def _say_held(nominal: float, turning: float, one_rate: bool) -> str:
     )
 
 
-def _contradicts(held: Fit, free: Fit) -> bool:
-    """Whether runs will have nothing of a scale factor that is held, whatever else they hide: a
-    damping split that imitated it would make up for it."""
+def _contradicts(held: Fit, free: Fit, mode: int) -> bool:
+    """Whether runs show a scale factor that a resonator may have, and will have nothing of one that
+    is held: a damping split that imitated it would make up for that."""
     factor, _ = inference.estimate_variance_inflation(free)
-    return held.chi2 - free.chi2 > CONTRADICTION * factor
+    beside = abs(free.p[SCALE_FACTOR] - choose_scale_factor(mode))
+    possible = beside < POSSIBLE * choose_scale_factor_spread(mode)
+    return bool(possible and held.chi2 - free.chi2 > CONTRADICTION * factor)
 
 
 def is_one_rate(fit: Fit) -> bool:
