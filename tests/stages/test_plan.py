@@ -87,14 +87,15 @@ def test_a_wrong_table_rate_is_never_told_from_the_scale_factor():
 
 
 def test_the_promised_separation_is_the_measured_one():
-    """Rotation of one sign hides a gain mismatch in the damping split; the planned runs show it
-    with the σ that was promised."""
+    """One rate hides which read-out stands beside the splits; the planned runs show the gain
+    mismatch with the σ that was promised."""
     table = programme(51, {"gain_mismatch": {"gain": 2e-3}}, runs=4)
     for run in table["run"]:
         run["environment"] = {"rate_rad_s": 2.0}
     made = waves(table)
     blind = diagnose(made)
-    assert summarise(blind)["effects"] == []
+    (cause,) = summarise(blind)["effects"]
+    assert len(cause["indistinguishable_from"]) == 3
     menu = {
         "recording": table["recording"],
         "readout": table["readout"],
@@ -104,7 +105,10 @@ def test_the_promised_separation_is_the_measured_one():
         },
     }
     chosen = plan(blind, menu, made, runs=2, causes=["gain_mismatch"])
-    (row,) = chosen.separations
+    row, *from_one_another = chosen.separations
+    assert row["causes"] == ["gain_mismatch", "the base model"]
+    assert all(one["before_sigma"] < 0.1 for one in from_one_another)
+    assert all(one["after_sigma"] > 100 for one in from_one_another)
     assert all(run.table["environment"]["rate_rad_s"] == -2.0 for run in chosen.runs)
     further = waves({**table, "run": chosen.file["run"]}, seed=1)
     first = summarise(diagnose([*made, *further]))["effects"][0]
