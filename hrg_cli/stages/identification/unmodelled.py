@@ -33,6 +33,7 @@ from ..diagnosis.suspects.transformations import hold_rate, offset_rate
 from ..diagnosis.thresholds import INADEQUATE, WORTH
 from .closing import close_verdict
 from .outcome import Verdict
+from .splits import state_splits
 
 Array = np.ndarray
 MOVED = 3.0
@@ -158,8 +159,11 @@ def _widen_by_sums(fit: ExtendedFit, candidates: Sequence[Variant], verdict: Ver
     if not moved:
         return
     _bound_axes(verdict)
+    verdict.details["sum_with"] = {name: sorted(names) for name, names in moved.items()}
     spread = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
     verdict.std.update(zip(verdict.order, map(float, spread), strict=True))
+    whole = fit.coordinate_covariance() + sum(one @ one.T for one in sums.values())
+    verdict.details |= state_splits(verdict.values, verdict.std, fit.point.p, whole)
     causes = sorted({cause for names in moved.values() for cause in names})
     verdict.flat.append(
         f"{', '.join(moved)}: at one rate these runs show the sum with what the read-out does"

@@ -92,9 +92,15 @@ def compare_figures(record: Record, twin: Twin) -> dict[str, RehearsedFigure]:
 
 def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, RehearsedFigure]:
     true, period = truth.parameters(), np.pi / truth.mode_number
+    # what a read-out may add to them no twin has
+    sums = json.loads(truth.details).get("sum_with", {})
     found = {
         name: RehearsedFigure(
-            value, std, true[name][0], period if name.endswith("axis_rad") else 0.0
+            value,
+            std,
+            true[name][0],
+            period if name.endswith("axis_rad") else 0.0,
+            doubted=name in sums,
         )
         for name, (value, std, _) in record.parameters().items()
         if name in true and np.isfinite(std) and std > 0
@@ -106,7 +112,9 @@ def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, Rehear
             vector = true[size][0] * np.exp(2j * truth.mode_number * true[axis][0])
             seen = json.loads(record.details).get("split_components", {})
             found |= {
-                name: RehearsedFigure(seen[name]["value"], seen[name]["std"], put_in)
+                name: RehearsedFigure(
+                    seen[name]["value"], seen[name]["std"], put_in, doubted=size in sums
+                )
                 for name, put_in in zip(components, (vector.real, vector.imag), strict=True)
                 if name in seen and seen[name]["std"] > 0
             }
@@ -134,10 +142,11 @@ def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str,
         if size in beside and not beside[size][0] >= CLEAR * beside[size][1]
         for name in (size, axis)
     }
+    sums = {row["name"] for row in truth.told("values") if row.get("sum_with")}
     for name, (value, std) in list_base_values(record).items():
         if name in beside and name not in lost and np.isfinite(std) and std > 0:
             axis = period if name.endswith("axis_rad") else 0.0
-            found[name] = RehearsedFigure(value, std, beside[name][0], axis)
+            found[name] = RehearsedFigure(value, std, beside[name][0], axis, name in sums)
     return found
 
 

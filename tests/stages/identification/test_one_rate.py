@@ -11,6 +11,7 @@ from diagnosis_programme import waves
 from hrg_cli.fitting.envelopes.base_fit import decide_second_order
 from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.identify import identify
+from hrg_cli.stages.rehearsing.rehearsed_figures import compare_figures
 
 GYRO = {
     "frequency_hz": 3000.0,
@@ -68,6 +69,9 @@ def test_splits_of_one_rate_are_as_wide_as_what_the_read_out_may_do(effects):
     assert np.max(np.abs(measure_errors(record))) < 4
     (said,) = json.loads(record.flat_directions)
     assert "at one rate" in said and "gain_mismatch" in said
+    # no twin has such a read-out: errors far below σ are no fault of a rehearsal
+    figures = compare_figures(record, SimpleNamespace(truth=record))
+    assert figures["damping_split_1_s"].doubted and not figures["damping_rate_1_s"].doubted
 
 
 def test_rates_that_differ_tell_splits_as_before():
