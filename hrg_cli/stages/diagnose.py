@@ -34,6 +34,7 @@ from .diagnosis.closing.closing_checks import choose_word, make_closing_checks
 from .diagnosis.closing.sized import Sized, give_up_unsized
 from .diagnosis.closing.stability import ChosenAgain, choose_again, list_stability
 from .diagnosis.closing.wander import describe_wander
+from .diagnosis.extended.lost_time import time_losses
 from .diagnosis.extended.model import compose_simulation_file
 from .diagnosis.extended.written import Written, write_faithfully
 from .diagnosis.fits.scoring import is_gross
@@ -406,7 +407,7 @@ def _seen_in_samples(
     bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
     shown, lines = find_waveform_causes(
         waves,
-        cut.steps,
+        time_losses(cut.steps, final, waves, cut.origin),
         tones,
         frequency_hz,
         found,

@@ -93,7 +93,9 @@ class Effect(Shape):
     what: Literal["lost", "repeated"] | None = None
     """Of lost samples: whether they are missing or stand twice."""
     samples: int | None = None
-    """Of lost samples: how many."""
+    """Of lost samples: how many; negative where they stand twice."""
+    or_samples: list[int] | None = None
+    """Of lost samples: the other numbers that phase and motion allow, which the σ holds."""
     ambiguity_s: Number = None
     """Of lost samples: time that the wave's period leaves open."""
     same_phase_in_all_runs: bool | None = None

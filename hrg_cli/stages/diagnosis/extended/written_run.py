@@ -4,19 +4,17 @@ courses of rate and temperature, loops."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ....fitting.causes.design_columns import FREQUENCY
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.fit_point import Point, build_state
-from ....fitting.causes.slow_equation import RungeKuttaStage
-from ....fitting.causes.slow_prediction import march_motion
+from ....fitting.causes.fit_point import build_state
 from ....fitting.causes.wave_frame import to_complex
 from ....fitting.envelopes.coordinates import DAMPING
-from ....fitting.samples.course import build_course, build_from_means
+from ....fitting.samples.course import build_from_means
 from ....physics import ellipse
 from ....records import Wave
 from ...run_tables import (
@@ -26,22 +24,12 @@ from ...run_tables import (
     make_drive_log,
     make_rate_course,
 )
-from ..base.data import integrate_command, interpolate_command
 from ..drive.command_log import shift_commands
+from .carried_start import find_start
 
 Array = np.ndarray
-BACKWARD = 16
-"""Steps from the first row back to the run's start."""
 WARM = 1e-4
 """Part of its range by which the lines of a temperature, which keep its integral, may miss it."""
-HELD = (
-    "weight",
-    "temperature_rate_degc_s",
-    "branch",
-    "forced",
-    "held_slope",
-)
-"""Columns that stay what they are at the first row."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +93,8 @@ def run_table(
     series, k = fit.series, own[0]
     wave = shift_commands(wave, series.drive_late_s)
     clock = np.exp(-2j * np.pi * series.reference_frequency_hz * lost_s)
-    start = _start(fit, k, wave, way.straight, -lost_s) / series.row_turn[k, 0] * clock
+    begin = min(-lost_s, float(series.time_s[k, 0]))
+    start = find_start(fit, k, wave, way.straight, begin) / series.row_turn[k, 0] * clock
     a_A, a_B, angle, phase = (
         float(v)
         for v in ellipse.find_wave(start + to_complex(change[:FREQUENCY]), series.mode_number)
@@ -149,65 +138,6 @@ def _moving(fit: ExtendedFit, own: Sequence[int], wave: Wave) -> Wave:
     main = fit.flow.rows.compute_main_command(fit.prediction.motion)
     held = np.concatenate([main[k][g] for k, g in zip(own, good, strict=True)])
     return moving.replace(drive_main=np.interp(t, times, held))
-
-
-def _start(fit: ExtendedFit, k: int, wave: Wave, straight: bool, begin: float) -> Array:
-    """Envelopes (2,) of the displacement at t = `begin`: the whole equation integrated back from
-    the first row, drive and effects included."""
-    series, first = fit.series.select_runs([k]), float(fit.series.time_s[k, 0])
-    if first <= begin:
-        return fit.flow.rows.compute_displacement(fit.prediction.motion)[k, 0]
-    times = np.linspace(first, begin, BACKWARD + 1)[None]
-    since = times - first
-
-    def along(values: Array, slope: Array | float = 0.0) -> Array:
-        return values[:, :1] + slope * since
-
-    rate = along(series.rate_rad_s)
-    if wave.rate_rad_s is not None and np.any(known := np.isfinite(wave.rate_rad_s)):
-        at, log = (
-            np.asarray(wave.time_s, float)[known],
-            np.asarray(wave.rate_rad_s, float)[known],
-        )
-        rate = np.interp(times, at, log) if straight else build_course(at, log).interpolate(times)
-    columns: dict[str, Any] = {
-        name: np.broadcast_to(getattr(series, name)[:, :1], times.shape) for name in HELD
-    }
-    back = replace(
-        series.drop_shared_doubt(),
-        time_s=times,
-        envelope=np.repeat(series.envelope[:, :1], times.size, axis=1),
-        rate_rad_s=rate,
-        temperature_degc=along(series.temperature_degc, series.temperature_rate_degc_s[:, :1]),
-        temperature_impulse=None,
-        table_angle_rad=along(
-            series.table_angle_rad, rate if straight else (rate[:, :1] + rate) / 2
-        ),
-        phase_rad=along(series.phase_rad, series.turn_rad_s[:, None]),
-        main_drive=interpolate_command(wave, "drive_main", times[0], series.forced)[None],
-        quadrature_drive=interpolate_command(wave, "drive_quadrature", times[0], series.forced)[
-            None
-        ],
-        main_impulse=integrate_command(wave, "drive_main", times[0], series.forced)[None],
-        quadrature_impulse=integrate_command(wave, "drive_quadrature", times[0], series.forced)[
-            None
-        ],
-        held_amplitude=_hold_from(fit, k, since),
-        **columns,
-    )
-    point = Point(
-        fit.point.p, fit.prediction.motion[[k], 0], fit.point.offset_rad_s[[k]], fit.point.active
-    )
-    return RungeKuttaStage(back, point).compute_displacement(march_motion(back, point))[0, -1]
-
-
-def _hold_from(fit: ExtendedFit, k: int, since: Array) -> Array:
-    """The amplitude (1, n) that a drive without a log keeps up at times `since` the first row: from
-    where the fit is, for the pull to the measured one, carried backwards, would grow."""
-    series = fit.series
-    motion = fit.prediction.motion[k, 0]
-    held = ellipse.find_wave(motion, series.mode_number)[0] + series.held_slope[k, 0] * since
-    return np.where(np.isfinite(series.held_amplitude[k, 0]), held, np.nan)
 
 
 def _environment(

@@ -21,7 +21,8 @@ FEWEST_ROWS = 40
 KNOWN_STEP = 0.15
 """σ of a loss in samples up to which it can be asked to be whole."""
 SHIFTED = 5.0
-"""σ of the slow motion's shift within which the time lost lies."""
+"""σ of the slow motion's shift within which the time lost lies, and squared the χ² by which one
+number of samples is told from another."""
 MOST_PERIODS = 40
 """Whole periods that may be lost beside what the phase shows, where the slow motion does not
 tell."""
@@ -240,26 +241,23 @@ def count_lost(
         / weight.sum()
     )
     std = float(weight.sum() ** -0.5)
-    missing, samples = float(np.mod(mean, 2 * np.pi)) / omega, None
+    missing, std_s = float(np.mod(mean, 2 * np.pi)) / omega, std / omega
+    counted: dict[str, Any] = {}
     step_s = find_even_step(waves[first.run])
-    if step_s is not None and std / omega < KNOWN_STEP * step_s:
-        best, shown = min(group, key=lambda s: s.std_rad), min(group, key=lambda s: s.shift_std_s)
-        period_s = 1 / best.frequency_hz
-        turns = best.step_rad / (2 * np.pi), best.std_rad / (2 * np.pi)
-        whole = _whole(
-            turns[0] * period_s,
-            turns[1] * period_s,
-            step_s,
-            period_s,
-            (shown.shift_s, shown.shift_std_s),
-        )
-        if whole is None:
+    if step_s is not None and std_s < KNOWN_STEP * step_s:
+        counts = _count_whole(group, step_s)
+        if not counts:
             return None
-        missing, samples = whole * step_s, whole
+        missing = counts[0] * step_s
+        counted = {"samples": counts[0]}
+        if others := sorted(counts[1:]):
+            # the phase is known to a part of a sample, but not which of these numbers it is
+            std_s = max(abs(n - counts[0]) for n in others) * step_s
+            counted["or_samples"] = others
     elif mean < 0 and abs(mean) < np.pi / 2:
         missing = mean / omega
     parameters = {
-        "lost_s": (missing, std / omega, "s"),
+        "lost_s": (missing, std_s, "s"),
         "time_s": (first.time_s, float(waves[first.run].window_s) / 2, "s"),
     }
     offer = make_entry(dropped_samples.EFFECT, abs(mean) / std, parameters, (mean / std) ** 2)
@@ -268,22 +266,30 @@ def count_lost(
         "ambiguity_s": 1 / frequency_hz,
         "what": "lost" if missing > 0 else "repeated",
     }
-    return offer if samples is None else offer | {"samples": samples}
+    return offer | counted
 
 
-def _whole(
-    time_s: float, std_s: float, step_s: float, period_s: float, shift: tuple[float, float]
-) -> int | None:
-    """Fewest samples whose time agrees with a step of the phase, but for whole periods, and with
-    the shift of the slow motion."""
+def _count_whole(group: Sequence[PhaseStep], step_s: float) -> list[int]:
+    """Numbers of samples whose time agrees with a step of the phase, but for whole periods, and
+    with the shift of the slow motion: the likeliest alone where that tells, else those it does not
+    tell apart, the fewest lost first."""
+    best = min(group, key=lambda s: s.std_rad)
+    period_s = 1 / best.frequency_hz
+    turns = best.step_rad / (2 * np.pi), best.std_rad / (2 * np.pi)
+    known = [s for s in group if np.isfinite(s.shift_std_s)]
+    weight = np.array([s.shift_std_s**-2 for s in known])
+    shift, std = 0.0, np.inf
+    if known:
+        shift = float(weight @ [s.shift_s for s in known] / weight.sum())
+        std = float(weight.sum() ** -0.5)
     most = MOST_PERIODS
-    if np.isfinite(shift[1]):
-        most = (
-            max(most, int((abs(shift[0]) + SHIFTED * shift[1]) / period_s) + 1)
-            if shift[1] < MOST_PERIODS * period_s
-            else most
-        )
-    times = time_s + np.arange(-most, most + 1) * period_s
-    whole, fits = count_whole(times, std_s, step_s)
-    fits &= np.abs(times - shift[0]) < SHIFTED * shift[1]
-    return int(min(whole[fits], key=lambda n: (abs(n), -n))) if fits.any() else None
+    if std < MOST_PERIODS * period_s:
+        most = max(most, int((abs(shift) + SHIFTED * std) / period_s) + 1)
+    times = (turns[0] + np.arange(-most, most + 1)) * period_s
+    whole, fits = count_whole(times, turns[1] * period_s, step_s)
+    off = ((times - shift) / std) ** 2
+    fits &= off < SHIFTED**2
+    if not fits.any():
+        return []
+    likely = fits & (off < off[fits].min() + SHIFTED**2)
+    return sorted((int(n) for n in whole[likely]), key=lambda n: (n < 0, abs(n)))
