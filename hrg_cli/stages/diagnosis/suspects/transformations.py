@@ -548,39 +548,6 @@ def _warmed(wave: Wave, change: object) -> Wave:
     return wave.replace(temperature_degc=change(np.asarray(wave.temperature_degc, float)))
 
 
-def replace_temperature(wave: Wave, start_degc: float, slopes: Array) -> Wave:
-    """A polynomial of the time in place of the temperature log: start + c₁x + c₂x² …, x from 0 to 1
-    over the run.
-
-    Parameters
-    ----------
-    wave
-        Of a run.
-    start_degc
-        [°C]
-    slopes
-        c₁, c₂ … [°C].
-
-    Returns
-    -------
-    Wave
-        With another log.
-
-    Examples
-    --------
-    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
-    >>> from hrg_cli.stages.diagnosis.suspects.transformations import replace_temperature
-    >>> warmed = replace_temperature(draw_waves()[0], 20.0, [2.0])
-    >>> [float(degc) for degc in warmed.temperature_degc[[0, -1]].round(6)]
-    [20.0, 22.0]
-    """
-    time = np.asarray(wave.time_s, float)
-    x = (time - time[0]) / (time[-1] - time[0])
-    return wave.replace(
-        temperature_degc=start_degc + sum(c * x ** (k + 1) for k, c in enumerate(slopes))
-    )
-
-
 def undo_lag(wave: Wave, lag_s: float) -> Wave:
     """The temperature that a thermometer with a lag of first order has shown: T + τ dT/dt.
 
