@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from diagnosis_programme import waves
+from synthetic_waves import run_down
 
 from hrg_cli.fitting.envelopes.base_fit import decide_second_order
+from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.diagnose import diagnose, summarise
 from hrg_cli.stages.identify import identify
 from hrg_cli.stages.rehearsing.rehearsed_figures import compare_figures
@@ -99,6 +101,26 @@ def test_a_diagnosis_at_one_rate_names_what_it_cannot_tell_apart():
     for value in report["values"]:
         if value["name"] in SPLITS:
             assert abs(value["value"] - GYRO[value["name"]]) < 4 * value["std"]
+
+
+def test_an_equation_averaged_over_the_period_has_no_read_out_for_it():
+    """At one rate what it lacks of a resonator is as good as a gain mismatch, which costs a number."""
+    gyro = Mechanics(3000.0, 0.9425, 0.01885, 0.35, 0.157, 0.9, 0.554, 2)
+    runs = [
+        run_down(
+            0.1 + 0.4 * k,
+            3.0,
+            mechanics=gyro,
+            std=3e-5,
+            seconds=3.0,
+            window=0.0167,
+            seed=k,
+            second_order=0.0,
+        )
+        for k in range(3)
+    ]
+    assert identify(runs).status == "valid"
+    assert summarise(diagnose(runs))["verdict"] == "adequate"
 
 
 @pytest.mark.parametrize(

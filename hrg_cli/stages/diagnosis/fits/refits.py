@@ -565,8 +565,9 @@ def fit_at_second_order(fit: ExtendedFit, scale: float) -> ExtendedFit:
 def take_plain_averaging(
     fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]]
 ) -> ExtendedFit | None:
-    """The fit without the second order, where the data ask for that more than for any cause:
-    envelopes that come from an equation averaged over the period and from no resonator.
+    """The fit without the second order, where the data ask for that and no cause, which has a
+    number of its own, is worth more: envelopes that come from an equation averaged over the period
+    and from no resonator.
 
     A scale between 0 and 1, or beyond, is nobody's: free, it takes what a cause does. At one rate a
     gain mismatch is a damping split and −10⁴ of itself of that scale.
@@ -596,7 +597,7 @@ def take_plain_averaging(
         return None
     averaged = fit_at_second_order(fit, 0.0)
     best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
-    return averaged if fit.chi2 - averaged.chi2 > max(CLEARLY, best) else None
+    return averaged if fit.chi2 - averaged.chi2 > max(CLEARLY, best - WORTH) else None
 
 
 def free_higher_orders(
