@@ -106,19 +106,9 @@ def test_a_diagnosis_at_one_rate_names_what_it_cannot_tell_apart():
 def test_an_equation_averaged_over_the_period_has_no_read_out_for_it():
     """At one rate what it lacks of a resonator is as good as a gain mismatch, which costs a number."""
     gyro = Mechanics(3000.0, 0.9425, 0.01885, 0.35, 0.157, 0.9, 0.554, 2)
-    runs = [
-        run_down(
-            0.1 + 0.4 * k,
-            3.0,
-            mechanics=gyro,
-            std=3e-5,
-            seconds=3.0,
-            window=0.0167,
-            seed=k,
-            second_order=0.0,
-        )
-        for k in range(3)
-    ]
+    shape = {"mechanics": gyro, "std": 3e-5, "seconds": 3.0, "window": 0.0167}
+    runs = [run_down(0.1 + 0.4 * k, 3.0, seed=k, second_order=0.0, **shape) for k in range(3)]
+    runs = [run.replace(signal_std=np.full(len(run), 3e-5)) for run in runs]
     assert identify(runs).status == "valid"
     assert summarise(diagnose(runs))["verdict"] == "adequate"
 
