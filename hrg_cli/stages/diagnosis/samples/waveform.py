@@ -26,6 +26,7 @@ from .lines import (
     find_folding_hz,
     find_harmonic,
     find_lines,
+    find_median_amplitude,
     find_median_frequency,
     find_spurs,
 )
@@ -108,7 +109,7 @@ def find_waveform_causes(
     for line in far:
         multiple = find_harmonic(line, frequency_hz, sampling, cell)
         if multiple == 3 and direct and find_most_cubic is not None:
-            multiple = 0 if read_cubic(line, waves) > find_most_cubic() else multiple
+            multiple = 3 if _is_own_third(line, waves, of_motion, find_most_cubic) else 0
         meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             harmonics.setdefault(multiple, line)
@@ -132,6 +133,17 @@ def find_waveform_causes(
     offered += [_tone(line, waves) for line in named]
     offered += name_bent_channels(waves, harmonics, codes, found, of_motion) if direct else []
     return [offer for offer in offered if is_sound(offer)], listed
+
+
+def _is_own_third(
+    line: Line, waves: Sequence[Wave], of_motion: float, find_most_cubic: Callable[[], float]
+) -> bool:
+    """Whether a line at three times the oscillation is the motion's own, or as large as a pick-off
+    makes it that bends the wave by no more than it is bent."""
+    size = float(np.median([find_median_amplitude(wave) for wave in waves]))
+    if float(np.max(line.amplitude)) <= of_motion * size:
+        return True
+    return read_cubic(line, waves) <= find_most_cubic()
 
 
 def _judge_tones(

@@ -34,9 +34,7 @@ def assert_alone(table, name, sizes):
             {"cos_rad_s": 0.02, "sin_rad_s": 0.01},
             marks=pytest.mark.slow,
         ),
-        pytest.param(
-            "inertial_nonlinearity", {"inverse_length_squared": 1e-4}, marks=pytest.mark.slow
-        ),
+        ("inertial_nonlinearity", {"inverse_length_squared": 1e-4}),
         ("nonlinear_damping", {"damping_1_s": 0.03}),
     ],
 )
