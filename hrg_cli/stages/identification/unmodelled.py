@@ -149,25 +149,29 @@ def _widen_by_sums(fit: ExtendedFit, candidates: Sequence[Variant], verdict: Ver
     of_read_out = [one for one in candidates if "another rate" in one.effect.shown_by]
     sums = find_moves_of_summed(fit, of_read_out)
     _, slopes = coordinates.to_parameters(fit.point.p, verdict.mode_number)
+    names = verdict.order[1:]
+    told = np.array([name in verdict.values and verdict.std[name] > 0 for name in names])
     moved: dict[str, set[str]] = {}
+    more = np.zeros((len(names), len(names)))
     for cause, moves in sums.items():
-        by = slopes @ moves
-        for name, size in zip(verdict.order[1:], np.linalg.norm(by, axis=1), strict=True):
-            if name in verdict.values and size > verdict.std[name]:
+        by = told[:, None] * (slopes @ moves)  # what was held stays held
+        for name, size in zip(names, np.linalg.norm(by, axis=1), strict=True):
+            if size > verdict.std[name]:
                 moved.setdefault(name, set()).add(cause)
-        verdict.covariance[1:, 1:] += by @ by.T
+        more += by @ by.T
     if not moved:
         return
+    verdict.covariance[1:, 1:] += more
     _bound_axes(verdict)
-    verdict.details["sum_with"] = {name: sorted(names) for name, names in moved.items()}
+    verdict.details["sum_with"] = {name: sorted(causes) for name, causes in moved.items()}
     spread = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
     verdict.std.update(zip(verdict.order, map(float, spread), strict=True))
     whole = fit.coordinate_covariance() + sum(one @ one.T for one in sums.values())
     verdict.details |= state_splits(verdict.values, verdict.std, fit.point.p, whole)
-    causes = sorted({cause for names in moved.values() for cause in names})
+    every = ", ".join(sorted({cause for causes in moved.values() for cause in causes}))
     verdict.flat.append(
         f"{', '.join(moved)}: at one rate these runs show the sum with what the read-out does"
-        f" ({', '.join(causes)}); the errors hold for its usual size, add runs at another rate,"
+        f" ({every}); the errors hold for its usual size, add runs at another rate,"
         " best of the other sign"
     )
 
