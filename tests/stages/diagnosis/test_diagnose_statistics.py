@@ -62,8 +62,9 @@ def check(name, seed):
         if name in IN_THE_WAVEFORM
         else true_gain(runs, effects)
     )
-    # a run that alone holds a temperature is predicted worse by the truth, too: a gain below one
-    assert out["gain"]["ratio"] ** 2 >= wanted - 0.15 * abs(wanted - 1) - 2e-3
+    # a run that alone holds a temperature is predicted worse by the truth, too: a gain below one;
+    # and what driven runs' trackers may have done is known to no better than a thousandth
+    assert out["gain"]["ratio"] ** 2 >= wanted - 0.15 * abs(wanted - 1) - 3e-3
 
 
 @pytest.mark.parametrize("name", SAMPLE)
