@@ -19,7 +19,7 @@ import numpy as np
 from ...fitting.tables.increments import AnglePath
 from ...fourier import build_harmonic_basis
 from ..suspicion import Suspicion
-from .shown_temperatures import LEAST_DEGC, OF_SCATTER, SAME_DEGC
+from .shown_temperatures import LEAST_DEGC, OF_SCATTER, SAME_DEGC, list_dwells
 
 Array = np.ndarray
 PARTS = 8
@@ -162,7 +162,7 @@ def _judge(run: int, parts: Sequence[_Parts]) -> OddThermometer | None:
     levels = np.array([part.degc.mean() for part in others])
     if not levels.min() - SAME_DEGC <= own.degc.mean() <= levels.max() + SAME_DEGC:
         return None
-    bends = len(_list_levels(levels)) > 2
+    bends = len(list_dwells(levels)) > 2
     X = np.concatenate([part.design(bends) for part in others])
     y = np.concatenate([part.hz for part in others])
     found = np.linalg.lstsq(X, y, rcond=1e-9)[0]
@@ -185,12 +185,6 @@ def _judge(run: int, parts: Sequence[_Parts]) -> OddThermometer | None:
         return None
     times = float(np.max(np.abs(off) / np.maximum(scatter, 1e-300)))
     return OddThermometer(run, "", float(own.degc.mean()), float(warmer), float(warming), times)
-
-
-def _list_levels(degc: Array) -> list[Array]:
-    """The runs' mean temperatures by dwells."""
-    ordered = np.sort(degc)
-    return np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME_DEGC) + 1)
 
 
 def _find_offset(part: _Parts, found: Array, bends: bool) -> Array:

@@ -80,7 +80,7 @@ def find_wrong_temperatures(paths: Sequence[AnglePath]) -> dict[int, ShownTemper
     )
     if not (np.isfinite(degc).all() and np.isfinite(hz).all()):
         return {}
-    dwells = _list_dwells(degc)
+    dwells = list_dwells(degc)
     line = _fit_line(degc, hz)
     wrong = [run for dwell in dwells for run in _find_wrong_in(dwell, degc, hz, line, dwells)]
     right = np.setdiff1d(np.arange(len(paths)), wrong)
@@ -90,8 +90,26 @@ def find_wrong_temperatures(paths: Sequence[AnglePath]) -> dict[int, ShownTemper
     return {run: _describe(run, degc, hz, right, line) for run in wrong}
 
 
-def _list_dwells(degc: Array) -> list[Array]:
-    """Places of the runs that are logged at one temperature, dwell by dwell."""
+def list_dwells(degc: Array) -> list[Array]:
+    """Places of the runs that are logged at one temperature, dwell by dwell.
+
+    Parameters
+    ----------
+    degc
+        Mean temperatures of the runs (R,) [°C].
+
+    Returns
+    -------
+    list of ndarray
+        From the coldest on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.calibration.shown_temperatures import list_dwells
+    >>> [places.tolist() for places in list_dwells(np.array([20.1, -20.0, 19.9]))]
+    [[1], [2, 0]]
+    """
     order = np.argsort(degc, kind="stable")
     gap = max(SAME_DEGC, SAME_PART * float(np.ptp(degc)))
     return np.split(order, np.flatnonzero(np.diff(degc[order]) > gap) + 1)

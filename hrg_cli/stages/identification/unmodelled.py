@@ -102,8 +102,13 @@ def doubt_beside_causes(
     if fit is None or is_gross(fit):
         return
     candidates = list_variants([one for one in EFFECTS if not one.of_one_run], fit)
-    fit = take_plain_averaging(fit, score_effects(fit, candidates)) or fit
-    close_verdict(verdict, doubtful=[_check(list(_list_movers(fit, candidates, verdict)))])
+    ranked = score_effects(fit, candidates)
+    averaged = take_plain_averaging(fit, ranked)
+    if averaged is not None:
+        fit, ranked = averaged, score_effects(averaged, candidates)
+    close_verdict(
+        verdict, doubtful=[_check(list(_list_movers(fit, ranked, len(candidates), verdict)))]
+    )
     _widen_by_sums(fit, candidates, verdict)
 
 
@@ -115,19 +120,19 @@ def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
 
 
 def _list_movers(
-    fit: ExtendedFit, candidates: Sequence[Variant], verdict: Verdict
+    fit: ExtendedFit, ranked: Sequence[tuple[Score, Variant]], tried: int, verdict: Verdict
 ) -> Iterator[Mover]:
     """The causes that stand out of the noise as sure as they do for a diagnosis, and what each
     moves.
 
     What happens at an instant of one run is that run's, which is held against the others."""
     noise = float(verdict.details.get("variance_factor", 1.0))
-    for score, variant in score_effects(fit, candidates):
+    for score, variant in ranked:
         worth = compute_worth(score, variant, fit, noise) if score.visible else 0.0
         if worth < WORTH:
             continue
         z, p = evidence.find_significance(score.gain / noise, score.rank)
-        if evidence.correct_for_tries(p, len(candidates)) < INADEQUATE:
+        if evidence.correct_for_tries(p, tried) < INADEQUATE:
             yield Mover(score.name, worth, z, *_find_moved_most(fit, score, verdict))
 
 
