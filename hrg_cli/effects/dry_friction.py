@@ -49,10 +49,11 @@ def _make_friction(size: float) -> Acceleration:
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−(π/2)·slope·G [u/2 − Q (uᵀu) u*]."""
+    # friction knows no size of the motion: over its own, a run that has died away is no exception
+    size = np.linalg.norm(u, axis=-1, keepdims=True)
+    u = u / np.where(size > 0, size, 1.0)
     square = np.sum(u**2, axis=-1, keepdims=True)
-    whole, flat = np.sum(np.abs(u) ** 2, axis=-1, keepdims=True), np.abs(square)
-    main = np.sqrt((whole + flat) / 2)
-    main = np.where(main > 0, main, 1.0)
+    main = np.sqrt((1 + np.abs(square)) / 2)
     side = np.abs(np.imag(u[..., :1] * np.conj(u[..., 1:]))) / main
     G, Q = compute_means(main, np.maximum(side, SLIM * main))
     return -np.pi / 2 * p["slope_1_s"] * G * (u / 2 - Q * square * np.conj(u))

@@ -15,6 +15,7 @@ from ..errors import HrgError
 from ..fitting.envelopes import condensed, free_windows
 from ..fitting.envelopes.base_fit import check_runs
 from ..fitting.envelopes.base_freedom import Known
+from ..fitting.envelopes.envelope_runs import turn_table
 from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
@@ -157,7 +158,8 @@ def identify(
             runs, waves = [runs[i] for i in chosen], [waves[i] for i in chosen]
         if fit_rate:
             verdict = identify_with_unknown_rate(runs, known, blocks)
-            earth += verdict.details["rate_rad_s"]["value"]
+            found = verdict.details["rate_rad_s"]["value"]
+            earth, runs = earth + found, [turn_table(run, found) for run in runs]
         elif method in ("likelihood", "all"):
             verdict = identify_by_likelihood(runs, known, blocks)
             if profile:
@@ -168,7 +170,7 @@ def identify(
             verdict = identify_by_regression(runs, known, method, eliminate_rate, blocks)
         if method == "all" and not fit_rate:
             verdict.details["methods"] = compare_methods(runs, known, verdict, eliminate_rate)
-        doubt_beside_causes(verdict, waves, rate_rad_s, earth, scale_factor, blocks)
+        doubt_beside_causes(verdict, runs, waves, rate_rad_s, earth, scale_factor, blocks)
         return usable.judge(_make_resonator_record(verdict, waves, method))
 
 

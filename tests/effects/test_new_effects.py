@@ -73,6 +73,14 @@ def test_dry_friction_of_a_line_of_a_circle_and_of_an_ellipse():
     assert after[1] / after[0] < 0.1 - 1e-8
 
 
+def test_dry_friction_knows_no_size_of_the_motion():
+    """A run that has died away to 1e-120 made numbers that are none, and so of the score."""
+    u = np.array([[1.0, 0.3j], [0.2, 0.9]])
+    with np.errstate(over="raise", invalid="raise"):
+        pull = dry_friction.slow({"slope_1_s": 0.1}, np.stack([u, 1e-120 * u]), None)
+    assert np.allclose(pull[0], pull[1], rtol=1e-9)
+
+
 def test_a_line_with_dry_friction_comes_to_rest_in_a_straight_line():
     config = {
         "device": {"frequency_hz": 1000.0, "damping_rate_1_s": 0.0, "scale_factor": 0.5},

@@ -20,8 +20,9 @@ from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
 from ...fitting.causes.moves import move_by_causes
 from ...fitting.checks import Check, check_at_most
-from ...fitting.envelopes import coordinates
-from ...fitting.envelopes.condensed import IN_MEMORY
+from ...fitting.envelopes import condensed, coordinates
+from ...fitting.envelopes.averaged_waves import to_wave
+from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...records import Wave
 from ..diagnosis.base.joint_fit import fit_base
 from ..diagnosis.closing.summed import find_moves_of_summed
@@ -55,6 +56,7 @@ class Mover:
 
 def doubt_beside_causes(
     verdict: Verdict,
+    runs: Sequence[EnvelopeRun],
     waves: Sequence[Wave],
     rate_rad_s: float | None,
     earth_rad_s: float,
@@ -63,13 +65,15 @@ def doubt_beside_causes(
 ) -> None:
     """Add to a verdict the check that no cause which these runs show moves its parameters.
 
-    Nothing is asked where the resonator does not hold the runs, nor of more windows than fit into
-    memory.
+    Nothing is asked where the resonator does not hold the runs. More windows than fit into memory
+    are asked by the averages that the answer rests on.
 
     Parameters
     ----------
     verdict
         Of all runs, closed but for this.
+    runs
+        That were fitted, on the table as it turned.
     waves
         Of the runs.
     rate_rad_s
@@ -88,14 +92,17 @@ def doubt_beside_causes(
     >>> from types import SimpleNamespace as Told
     >>> from hrg_cli.stages.identification.unmodelled import doubt_beside_causes
     >>> verdict = Told(values={"frequency_hz": 1e3, "damping_rate_1_s": 0.1}, refused=[], checks=[])
-    >>> doubt_beside_causes(verdict, [], None, 0.0, None, 300)
+    >>> doubt_beside_causes(verdict, [], [], None, 0.0, None, 300)
     >>> verdict.checks
     []
     """
     modes_alone = "damping_split_1_s" not in verdict.values
-    if modes_alone or verdict.refused or sum(map(len, waves)) > IN_MEMORY:
+    if modes_alone or verdict.refused:
         return
-    turned = [_turn(wave, rate_rad_s, earth_rad_s) for wave in waves]
+    if sum(map(len, waves)) > condensed.IN_MEMORY:  # the runs' turn holds their rates already
+        turned = [to_wave(run, wave) for run, wave in zip(runs, waves, strict=True)]
+    else:
+        turned = [_turn(wave, rate_rad_s, earth_rad_s) for wave in waves]
     fitted = partial(fit_base, scale_factor=scale_factor, blocks=rows, free_phase=False)
     fit = fit_or_none(turned, fitted)
     # rows of its own may lose their way where the answer's have not

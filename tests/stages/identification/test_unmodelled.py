@@ -5,8 +5,11 @@ import zlib
 
 import numpy as np
 import pytest
+from synthetic_waves import errors, programme
 
 from hrg_cli.fitting.causes.extended_fit import DivergedError
+from hrg_cli.fitting.envelopes import condensed
+from hrg_cli.physics.resonator import Mechanics
 from hrg_cli.stages.identification import unmodelled
 from hrg_cli.stages.identify import identify, summarise
 from hrg_cli.studies.hidden import draw_programme, hide, make_waves
@@ -61,6 +64,29 @@ def test_every_way_asks(how):
         how = {"scale_factor": device["scale_factor"]}
     found = identify(waves, **how)
     assert found.status != "valid" and not moved(found)["passed"]
+
+
+@pytest.mark.parametrize("how", [{}, {"fit_rate": True}, {"earth_rate_deg_h": 0.5}])
+def test_records_that_are_read_by_blocks_are_asked_too(monkeypatch, how):
+    """More windows than fit into memory were not asked, though theirs is the smallest σ."""
+    waves, _ = hidden("nonlinear_damping")
+    whole = moved(identify(waves, **how))
+    for name, size in (("IN_MEMORY", 100), ("SAMPLE", 600), ("CONDENSED", 1200), ("BLOCK", 997)):
+        monkeypatch.setattr(condensed, name, size)
+    blockwise = moved(identify(waves, **how))
+    assert not blockwise["passed"] and abs(blockwise["value"] / whole["value"] - 1) < 0.05
+
+
+def test_swings_that_are_read_by_blocks_show_no_cause(monkeypatch):
+    """The table's angle of averaged rows is their rate's course again, to 1e-6 rad."""
+    gyro = Mechanics(5000.0, 1 / 60, 1e-4, 0.35, 5e-3, 0.9, 0.554)
+    courses = [(0.1, lambda t: 0.3 * np.sin(2 * t) + 0.1), (0.5, -0.2), (0.9, 0.0)]
+    waves = programme(gyro, seed=3, runs=courses, std=1e-5, window=0.01, seconds=60.0)
+    for name, size in (("IN_MEMORY", 1000), ("SAMPLE", 3000), ("CONDENSED", 6000), ("BLOCK", 997)):
+        monkeypatch.setattr(condensed, name, size)
+    found = identify(waves)
+    assert found.status == "valid" and moved(found)["value"] == 0.0
+    assert max(map(abs, errors(found, gyro).values())) < 4
 
 
 def test_a_cause_that_moves_nothing_leaves_it_valid():
