@@ -35,9 +35,9 @@ run: $(INSTALLED)  ## Demonstrate: a gyro with two hidden faults, free and force
 test: $(READY)  ## Run the tests (quick samples of the long studies included)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow and not browser" tests
 
-test-browser: $(READY)  ## Test the report page in Debian's chromium (installed when missing and possible)
-	command -v chromium >/dev/null || (apt-get update -qq && apt-get install -y -qq chromium >/dev/null)
-	$(BIN)/python -m pytest -m browser tests
+test-browser: $(READY)  ## Test the report page in Debian's chromium (installed where it is missing)
+	{ command -v chromium && command -v chromedriver; } >/dev/null || (apt-get update -qq && apt-get install -y -qq chromium chromium-driver >/dev/null)
+	CI=1 $(BIN)/python -m pytest -m browser tests
 
 study: $(READY)  ## Run the long statistical studies
 	$(BIN)/python -m pytest -n $(JOBS) -m slow tests

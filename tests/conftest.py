@@ -45,7 +45,6 @@ EXPECTED_SKIPS = (
     r"HRG_CONTRACT_CHECK",
     r"no right to mount",  # a small or read-only disk needs root
     r"root may read and write everywhere",
-    r"chromium",
     r"no openssl here",
     r"a column that is its own scale",
 )
