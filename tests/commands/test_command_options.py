@@ -8,10 +8,11 @@ from typing import get_args
 
 import pytest
 import typer
+import typer.core
 import typer.main
 from conftest import PACKAGE
 
-from hrg_cli import cli
+from hrg_cli import cli, front_page
 from hrg_cli.commands.options import make_flags, parse_column, parse_numbers, parse_words
 from hrg_cli.reporting.text import take_first_paragraph
 from hrg_cli.settings import make_model
@@ -27,6 +28,28 @@ COMMANDS = typer.main.get_command(cli.app).commands
 def test_the_list_of_commands_says_what_their_help_says(name):
     assert cli.COMMANDS[name][1] == take_first_paragraph(COMMANDS[name].help)
     assert COMMANDS[name].name == name
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 200])
+@pytest.mark.parametrize("words_", [["--help"], ["-h"], ["-h", "--help"]])
+def test_the_front_page_is_laid_out_as_the_help_of_commands_is(columns, words_, hrg, monkeypatch):
+    """It is shown without the library that lays out the others."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    commands = {
+        name: typer.core.TyperCommand(name, short_help=summary, rich_markup_mode=None)
+        for name, (_, summary) in cli.COMMANDS.items()
+    }
+    group = typer.core.TyperGroup(
+        name="hrg",
+        commands=commands,
+        params=typer.main.get_command(cli.app).params,
+        help=front_page.SUMMARY,
+        epilog=front_page.CHAIN,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": list(front_page.ASKED)},
+    )
+    told = group.make_context("hrg", [], resilient_parsing=True).get_help()
+    assert hrg(*words_).out == f"{told}\n"
 
 
 def loaded_after(words_, **environment):
