@@ -170,7 +170,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3), np.pi / np.sqrt(12)", "np.pi / np.sqrt(12), np.pi / np.sqrt(12), np.pi / np.sqrt(12)"),
             ("np.pi / np.sqrt(12), np.pi / np.sqrt(3)", "np.pi / np.sqrt(3), np.pi / np.sqrt(3)"),
             ("np.abs(A2 - B2)", "np.abs(A2 + B2)"),
-            ("_root(both - mixed)", "_root(both)"),
+            ("_limited(both - mixed", "_limited(both"),
             ("np.ascontiguousarray(variances.T) / 8", "np.ascontiguousarray(variances.T) / 4"),
             ("cos, sin = _double_angle(psi)", "cos, sin = _double_angle(psi / 2)"),
             ("_root(sin2 * less[0] + cos2", "_root(sin2 * more[0] + cos2"),

@@ -97,10 +97,10 @@ def _fill(out: Array, x: Array, variances: Array, with_carrier: bool, correlatio
     determinant = np.abs(A2 - B2)
     out[:, 0] = _root(cos2 * more[0] + sin2 * more[1] + common)
     out[:, 1] = _root(sin2 * less[0] + cos2 * less[1] - common)
-    out[:, 2] = _limited(_root(A2 * turning + B2 * beating + mixed), determinant, ANGLE_LIMIT)
-    out[:, 3] = _limited(_root(both + mixed), determinant, PHASE_LIMIT)
+    out[:, 2] = _limited(A2 * turning + B2 * beating + mixed, determinant, ANGLE_LIMIT)
+    out[:, 3] = _limited(both + mixed, determinant, PHASE_LIMIT)
     if with_carrier:
-        out[:, 4] = _limited(_root(both - mixed), A2 + B2, CARRIER_LIMIT)
+        out[:, 4] = _limited(both - mixed, A2 + B2, CARRIER_LIMIT)
 
 
 def _double_angle(angle: Array) -> tuple[Array, Array]:
@@ -134,11 +134,12 @@ def _halves(variances: Array, psi: Array) -> tuple[tuple[Array, Array | float, A
     return tuple(halves)
 
 
-def _limited(spread: Array, size: Array, unknown: float) -> Array:
-    """σ = spread/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays
+def _limited(variance: Array, size: Array, unknown: float) -> Array:
+    """σ = √variance/size joined to that of an unknown angle; size 0 counts as unknown, NaN stays
     NaN."""
+    above = np.maximum(variance, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        joined = np.asarray(spread / np.sqrt(size * size + (spread / unknown) ** 2))
+        joined = np.asarray(np.sqrt(above / (size * size + above / unknown**2)))
     if not size.all():
         joined[size == 0] = unknown
     return joined

@@ -67,18 +67,18 @@ def measure_phase_difference(periods: Periods, rows: int) -> PhaseDifference | N
     """
     total, weight = 0j, 0.0
     for block in periods.blocks(rows):
-        signals = np.asarray(block.signals, float)
+        signals, std = np.asarray(block.signals, float), np.asarray(block.signals_std, float)
         good = find_finite(signals) & ((np.asarray(block.flags) & DIRTY) == 0)
-        lower, upper = find_sidebands(signals[good])
-        cross = upper * np.conj(lower)
-        size = np.abs(cross)
-        variance = np.mean(np.asarray(block.signals_std, float)[good] ** 2, axis=-1)
-        known = (size > 0).all(axis=-1) & (variance > 0)
-        power, both = np.prod(size, axis=-1)[known], size.sum(axis=-1)[known]
-        weights = 2 * power / both / variance[known]
-        turn = cross[known, 1] * np.conj(cross[known, 0]) / power
-        total += complex(weights @ turn)
-        weight += float(weights.sum())
+        if not good.all():
+            signals, std = signals[good], std[good]
+        lower, upper = find_sidebands(signals)
+        in_c, in_s = (upper * np.conj(lower)).T
+        size_c, size_s = np.abs(in_c), np.abs(in_s)
+        # a window's weight over |u_c|²|u_s|², which its turn has as a factor
+        spread = (size_c + size_s) * np.einsum("nk,nk->n", std, std) / std.shape[1]
+        share = np.divide(2.0, spread, out=np.zeros_like(spread), where=spread > 0)
+        total += complex(share @ (in_s * np.conj(in_c)))
+        weight += float(share @ (size_c * size_s))
     if weight == 0.0:
         return None
     return PhaseDifference(float(np.angle(total)) / 2, 1 / np.sqrt(weight))
