@@ -4,9 +4,7 @@ whole processes in pairs; growth, memory.
 python benchmarks/bench_demodulate.py [millions of samples]
 """
 
-import os
 import resource
-import subprocess
 import sys
 import tempfile
 from functools import partial
@@ -14,7 +12,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from timing import best
+from timing import best, processor_seconds
 
 from hrg_cli import store
 from hrg_cli.records import Recording
@@ -69,16 +67,6 @@ with h5py.File({path!r}) as file:
         for start in range(0, len(channel), 1 << 20):
             channel[start : start + (1 << 20)]
 """
-
-
-def processor_seconds(command: list[str]) -> float:
-    """Processor time of a process of its own, children and all [s]."""
-    # both processes keep their compiled modules, as a user's do: else each compiles them anew
-    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=kept)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def as_processes(path: Path) -> None:
