@@ -32,7 +32,15 @@ from ..fits.open_terms import (
     make_open_effect,
 )
 from ..fits.refits import compute_bic, leave_out
-from ..thresholds import INADEQUATE, NEVER_LESS, READOUT_BETTER, SIGNIFICANT, WORTH
+from ..fits.scoring import is_gross
+from ..thresholds import (
+    INADEQUATE,
+    NEARLY_ALL,
+    NEVER_LESS,
+    READOUT_BETTER,
+    SIGNIFICANT,
+    WORTH,
+)
 from .inquiry import STATED, NoiseLevel
 
 Array = np.ndarray
@@ -502,6 +510,39 @@ def describe(fit: ExtendedFit, noise: NoiseLevel, most: int, significant: float)
         return few
     many = select_terms(fit, noise, most, significant, by_run=True)
     return min(few, many, key=lambda one: compute_bic(one.fit))
+
+
+def is_told_by_one_term(fit: ExtendedFit, noise: NoiseLevel) -> bool:
+    """Whether one open term, with no number of a run's own, takes nearly all of a gross misfit:
+    what is one thing is no two causes at once.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+    noise
+        That gains are judged by.
+
+    Returns
+    -------
+    bool
+        Whether χ² falls to 1/`NEARLY_ALL` of itself, and below what is gross.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_mismatched_fit
+    >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
+    >>> from hrg_cli.stages.diagnosis.search.remainder import is_told_by_one_term
+    >>> [is_told_by_one_term(fit, STATED) for fit in (draw_fit(), draw_mismatched_fit())]
+    [False, True]
+    """
+
+    def told() -> bool:
+        one = select_terms(fit, noise, 1, SIGNIFICANT, by_run=False).fit
+        return one.chi2 * NEARLY_ALL < fit.chi2 and not is_gross(one)
+
+    found: bool = fit.recall(("told by one term", noise), told)
+    return found
 
 
 def select_terms(

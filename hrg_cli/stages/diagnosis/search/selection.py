@@ -34,6 +34,7 @@ from . import stand_in
 from .gain import predicts_better
 from .inquiry import Inquiry, NoiseLevel
 from .pairs import TRIED, find_better_pair, find_hidden_pair, fit_pair, list_promising_pairs
+from .remainder import is_told_by_one_term
 
 Array = np.ndarray
 GROSS_SHORTLIST = 10
@@ -137,7 +138,7 @@ def select(base: ExtendedFit, inquiry: Inquiry, begun: Begun | None = None) -> S
     if kept:
         ranked = score_effects(begun.fit, candidates)
     selected = _take_forward(Selected(base, begun.fit, kept, ranked), inquiry)
-    if is_gross(selected.fit):
+    if is_gross(selected.fit) and not is_told_by_one_term(base, noise):
         selected = _begin_with_two(base, ranked, selected, inquiry)
     reduced: dict[str, ExtendedFit] = {}
     chosen = selected.found[len(kept) :]
@@ -184,6 +185,8 @@ def _take_forward(selected: Selected, inquiry: Inquiry) -> Selected:
         higher = free_higher_orders(fit, ranked)
         if higher is not None:
             fit, ranked = higher, score_effects(higher, inquiry.candidates)
+        if found and is_gross(fit) and is_told_by_one_term(base, inquiry.noise):
+            break
         step = _find_next(fit, ranked, inquiry, inquiry.most - len(found))
         if step is None:
             break
