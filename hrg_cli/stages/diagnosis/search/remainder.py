@@ -530,11 +530,13 @@ def is_told_by_one_term(fit: ExtendedFit, noise: NoiseLevel) -> bool:
 
     Examples
     --------
+    Noise leaves no misfit, and one that is not gross may be of two causes:
+
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_mismatched_fit
     >>> from hrg_cli.stages.diagnosis.search.inquiry import STATED
     >>> from hrg_cli.stages.diagnosis.search.remainder import is_told_by_one_term
     >>> [is_told_by_one_term(fit, STATED) for fit in (draw_fit(), draw_mismatched_fit())]
-    [False, True]
+    [False, False]
     """
 
     def told() -> bool:
