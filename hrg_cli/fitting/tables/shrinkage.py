@@ -4,7 +4,8 @@ A harmonic that held-out data cannot prove may still be larger than the stated e
 kept. Each harmonic g of 2mθ gets a Gaussian prior c_g ~ N(0, τ_g² R) with an unknown scale τ_g; the
 mean and covariance over τ_g (Gibbs sampling on a grid, each step's mixture summed exactly) are the
 table's. A clear harmonic is left as it is, an absent one is put to nearly zero, one in doubt keeps
-its doubt in the covariance.
+its doubt in the covariance: of what two linear defects make of a drift no less than its chance
+before the data.
 """
 
 from __future__ import annotations
@@ -38,12 +39,17 @@ theorem): one linear defect makes the first or a constant drift, which electroni
 of them or a cubic term the second, more are needed above. A scale factor there always is.
 Read-outs have some mismatch as a rule; absent harmonics within the sizes above are refuted by clean
 data whatever the odds."""
+OF_TWO_FAULTS = 2
+"""Highest harmonic of a drift that two linear defects make: gyros have it as a rule, if small."""
+PLAIN = 2
+"""Place, among absent and the drift's sizes, of the first that data see rather than the prior."""
 UNSEEN = 1e-12
 """Information that directions have which no data see, over that of one coefficient by itself."""
 SWEEPS, BURN_IN = 16, 4
 FEWER_SWEEPS = 7
 """Enough where the mean alone is wanted."""
 _Moments = tuple[Array, Array]
+"""Mean and second moment about the flat solution."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,8 @@ class Doubtful:
     sizes: Array
     relative: bool
     """Whether the sizes are in standard deviations of the harmonic."""
+    chance: float = 0.0
+    """That it is there and of any size, which data that do not show it leave as it was."""
 
 
 def find_doubtful_harmonics(
@@ -108,7 +116,9 @@ def find_doubtful_harmonics(
         for k in range(first if beyond is None else 1 + beyond[kind], limit + 1):
             own = np.arange(max(2 * k - 1, 0), 2 * k + 1)
             places = np.array([part(j).start + own for j in range(len(layout.nodes))])
-            out.append(Doubtful(places, ABSENT_TO_PRESENT[kind][min(k, 3)], sizes, drift))
+            odds = ABSENT_TO_PRESENT[kind][min(k, 3)]
+            chance = 1 / (1 + odds) if drift and k <= OF_TWO_FAULTS else 0.0
+            out.append(Doubtful(places, odds, sizes, drift, chance))
     return out
 
 
@@ -175,6 +185,7 @@ def average_over_doubt(
         return invert_definite(precision)
 
     passes: list[list[_Moments]] = [[] for _ in groups]
+    seen: list[list[_Moments]] = [[] for _ in groups]
     for sweep in range(sweeps):
         # Gibbs: the harmonic's own prior is taken out, its sizes weighed by what all others leave,
         # one drawn. The mean over sizes is summed exactly at each step (Rao and Blackwell), so a
@@ -186,8 +197,10 @@ def average_over_doubt(
             weights, steps = _weigh_sizes(mean, gain, own, grids[n], priors[n], doubtful[n].odds)
             if sweep >= BURN_IN:
                 passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
+                plain = np.where(np.arange(len(weights)) < PLAIN, 0.0, weights)
+                seen[n].append(_sum_mixture(mean - flat, covariance, plain / plain.sum(), steps))
             scale[n] = int(generator.choice(len(weights), p=weights))
-    away, spread = _combine(passes, groups)
+    away, spread = _combine(passes, seen, doubtful)
     return TableSolution(flat + away, spread, float(np.trace(spread @ A)))
 
 
@@ -218,7 +231,11 @@ def _sum_mixture(
     return first, second
 
 
-def _combine(passes: Sequence[Sequence[_Moments]], groups: Sequence[Array]) -> _Moments:
+def _combine(
+    passes: Sequence[Sequence[_Moments]],
+    seen: Sequence[Sequence[_Moments]],
+    doubtful: Sequence[Doubtful],
+) -> _Moments:
     """Mean and covariance over all passes, each harmonic's own as the passes over its sizes say.
 
     A size that has a chance of one in fifty is hardly ever among a dozen draws, though it makes
@@ -227,16 +244,31 @@ def _combine(passes: Sequence[Sequence[_Moments]], groups: Sequence[Array]) -> _
     """
     away, second = (np.mean([one[i] for own in passes for one in own], axis=0) for i in (0, 1))
     covariance = second - np.outer(away, away)
-    for own_passes, group in zip(passes, groups):
-        own = group.ravel()
+    for own_passes, own_seen, harmonic in zip(passes, seen, doubtful):
+        own = harmonic.places.ravel()
         block = np.ix_(own, own)
         first = np.mean([one[own] for one, _ in own_passes], axis=0)
         square = np.mean([two[block] for _, two in own_passes], axis=0)
+        likely = square - np.outer(first, first)
+        plain = _about(first, own_seen, own)
+        kept = harmonic.chance * plain + (1 - harmonic.chance) * likely
         along = np.linalg.solve(covariance[block], covariance[own]).T
-        changed = square - np.outer(first, first) - covariance[block]
+        changed = kept - covariance[block]
         away = away + along @ (first - away[own])
         covariance = covariance + along @ changed @ along.T
     return away, covariance
+
+
+def _about(mean: Array, moments: Sequence[_Moments], own: Array) -> Array:
+    """Second moment about a mean of a harmonic that is there, and of a size that data see.
+
+    How many decades its size might lie in counts against a harmonic that is hardly seen, and is no
+    evidence: a drift has no natural size. What was there by a chance before data that do not tell
+    is so behind them; with the odds of the decades it was 0 within a tenth of what the data exclude.
+    """
+    first = np.mean([one[own] for one, _ in moments], axis=0)
+    second = np.mean([two[np.ix_(own, own)] for _, two in moments], axis=0)
+    return np.asarray(second - np.outer(first, mean) - np.outer(mean, first) + np.outer(mean, mean))
 
 
 def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> Array:
