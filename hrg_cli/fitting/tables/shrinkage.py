@@ -264,7 +264,7 @@ def _about(mean: Array, moments: Sequence[_Moments], own: Array) -> Array:
 
     How many decades its size might lie in counts against a harmonic that is hardly seen, and is no
     evidence: a drift has no natural size. What was there by a chance before data that do not tell
-    is so behind them; with the odds of the decades it was 0 within a tenth of what the data exclude.
+    is so behind them; with the odds of the decades it was 0 within a tenth of what they exclude.
     """
     first = np.mean([one[own] for one, _ in moments], axis=0)
     second = np.mean([two[np.ix_(own, own)] for _, two in moments], axis=0)
