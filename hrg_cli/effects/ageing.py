@@ -1,7 +1,8 @@
 """Ageing: frequency and damping split that drift in time.
 
 Physics: coating, mount and stress relax; frequency and damping split change in proportion to time.
-Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)), t from the run's start or, over a
+Equation: φ̇ = ω α_t t, νδμ R(2mθ_μ) → … + t (m_c R(0) + m_s R(π/2)) + t²(e_c R(0) + e_s R(π/2)), the
+bend e being −β²νδμ/2 along the split where its axis turns by β a second, t from the run's start or, over a
 programme whose runs say when they began, from the first run's   (PHYSICS M12).
 Size: 0.1 … 10 % per year; the parameters are per second. Mistaken for: temperature on one ramp,
 cubic stiffness in a ring-down. What separates it: the same calibration repeated; a thermal cycle.
@@ -12,30 +13,71 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from ..physics.resonator import split_matrix
-from .effect import Array, Effect, Parameter, Runs, Values
+from ..physics.resonator import Mechanics, split_matrix
+from .effect import Array, Effect, Parameter, Runs, Values, size_bend
 
 SINCE_FIRST = "since_first_run"
+BEND = ("split_cos_1_s3", "split_sin_1_s3")
+"""Names of the components of the split's bend."""
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2))."""
+    """ω (1 + α_t t), N += t (m_c R(0) + m_s R(π/2)) + t² (e_c R(0) + e_s R(π/2))."""
     t = env.time_s + p[SINCE_FIRST] * env.begun_s
-    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
     plant.stiffness = plant.retune_stiffness(p["frequency_1_s"] * t)
-    plant.damping = plant.damping + t[:, None, None] * split
+    t = t[:, None, None]
+    plant.damping = plant.damping + t * (_slope(p) + t * _bend(p))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """t (jω α_t − m_c R(0) − m_s R(π/2)) u."""
-    t = state.time_s + p[SINCE_FIRST] * state.begun_s
-    return np.asarray(t)[..., None] * slow_rate(p, u, state)
+    """t (jω α_t − m_c R(0) − m_s R(π/2)) u − t² (e_c R(0) + e_s R(π/2)) u."""
+    t = np.asarray(state.time_s + p[SINCE_FIRST] * state.begun_s)[..., None]
+    pulled = 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u
+    return t * (pulled - u @ _slope(p) - t * (u @ _bend(p)))
 
 
 def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
-    """(jω α_t − m_c R(0) − m_s R(π/2)) u: while the frequency moves, aω^½ stays."""
-    split = split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
-    return 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u - u @ split
+    """(jω α_t − m_c R(0) − m_s R(π/2)) u − 2t (e_c R(0) + e_s R(π/2)) u: while the frequency moves,
+    aω^½ stays."""
+    t = np.asarray(state.time_s + p[SINCE_FIRST] * state.begun_s)[..., None]
+    pulled = 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u
+    return pulled - u @ _slope(p) - 2 * t * (u @ _bend(p))
+
+
+def _slope(p: Values) -> Array:
+    return split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
+
+
+def _bend(p: Values) -> Array:
+    return split_matrix(p.get(BEND[0], 0.0), p.get(BEND[1], 0.0))
+
+
+def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
+    """|m|²/2νδμ of either component of the split's bend: that of a turn, or of a growth in
+    proportion.
+
+    Parameters
+    ----------
+    p
+        Values of the effect's parameters.
+    mechanics
+        The linear resonator.
+
+    Returns
+    -------
+    dict
+        [1/s³].
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.ageing import size_next_order
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(5000.0, 1.0, damping_split_1_s=0.1)
+    >>> size_next_order({"split_cos_1_s2": 0.0, "split_sin_1_s2": 0.01}, gyro)
+    {'split_cos_1_s3': 0.0005, 'split_sin_1_s3': 0.0005}
+    """
+    slope = float(np.hypot(p["split_cos_1_s2"], p["split_sin_1_s2"]))
+    return dict.fromkeys(BEND, size_bend(slope, mechanics.damping_split_1_s))
 
 
 def list_origins(runs: Runs) -> Sequence[Values]:
@@ -72,6 +114,22 @@ EFFECT = Effect(
         Parameter("split_cos_1_s2", "s-2", 5e-4, "drift of νδμ cos 2mθ_μ per second"),
         Parameter("split_sin_1_s2", "s-2", 5e-4, "drift of νδμ sin 2mθ_μ per second"),
         Parameter(
+            BEND[0],
+            "s-3",
+            1e-5,
+            "bend of νδμ cos 2mθ_μ per second squared",
+            fitted=False,
+            higher_order=True,
+        ),
+        Parameter(
+            BEND[1],
+            "s-3",
+            1e-5,
+            "bend of νδμ sin 2mθ_μ per second squared",
+            fitted=False,
+            higher_order=True,
+        ),
+        Parameter(
             SINCE_FIRST,
             "1",
             1.0,
@@ -84,5 +142,6 @@ EFFECT = Effect(
     plant=plant,
     slow=slow,
     slow_rate=slow_rate,
+    size_next_order=size_next_order,
     starts=list_origins,
 )

@@ -25,6 +25,7 @@ import numpy as np
 from ..errors import HrgError, name_some
 from ..physics import ellipse
 from ..physics.plant import Control, Environment, Plant, Readout, SlowState
+from ..physics.resonator import Mechanics
 
 Array = np.ndarray
 ROUNDING = 1e-9
@@ -191,6 +192,28 @@ def same_state(_: Values, state: SlowState) -> SlowState:
     return state
 
 
+def size_no_order(_: Values, __: Mechanics) -> Mapping[str, float]:
+    """The sizes of the next order of an effect that has none, or of which none is known.
+
+    Parameters
+    ----------
+    _, __
+        Values of its parameters, and the linear resonator.
+
+    Returns
+    -------
+    dict
+        Empty.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import size_no_order
+    >>> size_no_order({"gain": 0.01}, None)
+    {}
+    """
+    return {}
+
+
 def no_term(_: Values, u: Array, __: SlowState) -> Array:
     """The slow term of an effect that has none.
 
@@ -346,6 +369,10 @@ class Effect:
     nonlinear_force
         Its force is no linear one of the motion, so that to second order it changes with what
         split, damping and rate do to that.
+    size_next_order
+        `size_next_order(p, mechanics) -> sizes`: how large its parameters of higher order are likely
+        to be beside its others, by their names. What grows by the part δ of a value D a unit of x is
+        D exp(δx/D) as well as D + δx (`size_bend`).
     starts
         `starts(runs) -> values`: from which it is tried beside these runs, as instants at which a
         parameter that is not fitted is held, or levels of one that sets in.
@@ -392,6 +419,7 @@ class Effect:
     same_as_parameter: str = ""
     acts_on: Literal["displacement", "velocity"] = "displacement"
     nonlinear_force: bool = False
+    size_next_order: Callable[[Values, Mechanics], Mapping[str, float]] = size_no_order
     starts: Callable[[Runs], Sequence[Values]] = only_neutral
 
     def values(self, given: Mapping[str, Any] | None = None) -> dict[str, float]:
@@ -485,6 +513,30 @@ class Effect:
         """Whether a fitted parameter does nothing at all up to a level, so that the effect has no
         small size that grows in proportion."""
         return any(p.sets_in for p in self.fitted())
+
+
+def size_bend(slope: float, value: float) -> float:
+    """How far a law of this slope may bend: δ²/2D, by which D exp(δx/D) and D + δx part in x².
+
+    Parameters
+    ----------
+    slope
+        δ, the size of a change a unit of x.
+    value
+        D, the size of what changes.
+
+    Returns
+    -------
+    float
+        In the value's unit per square of x's; infinite of a value of zero.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.effect import size_bend
+    >>> size_bend(0.01, 0.1), size_bend(0.01, 0.0)
+    (0.0005, inf)
+    """
+    return slope**2 / (2 * abs(value)) if value else float("inf")
 
 
 def find_invariants(u: Array) -> tuple[Array, Array]:

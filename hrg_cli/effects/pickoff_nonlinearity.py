@@ -12,6 +12,7 @@ harmonic of the raw signal, γ|C|³/4, which a linear pick-off does not have.
 import numpy as np
 
 from ..physics.plant import Readout, SlowState
+from ..physics.resonator import Mechanics
 from .effect import Array, Effect, Parameter, Values
 
 FIFTH = "quintic"
@@ -28,6 +29,30 @@ def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u_k (1 + ¾γ|u_k|² + ⅝ε|u_k|⁴): the parts of cos³ and cos⁵ that are cos."""
     squared = np.abs(u) ** 2
     return u * (1 + squared * (0.75 * p["cubic"] + 0.625 * p.get(FIFTH, 0.0) * squared))
+
+
+def size_next_order(p: Values, _: Mechanics) -> dict[str, float]:
+    """ε = γ², as of a charge 2c/(1 − c²); of a literal read-out 5γ²/9, of a tanh 6γ²/5.
+
+    Parameters
+    ----------
+    p
+        Values of the effect's parameters.
+    _
+        The linear resonator.
+
+    Returns
+    -------
+    dict
+        [1/amplitude⁴].
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.pickoff_nonlinearity import size_next_order
+    >>> size_next_order({"cubic": 0.5}, None)
+    {'quintic': 0.25}
+    """
+    return {FIFTH: p["cubic"] ** 2}
 
 
 EFFECT = Effect(
@@ -54,4 +79,5 @@ EFFECT = Effect(
     readout=readout,
     slow_readout=slow_readout,
     makes_harmonics=True,
+    size_next_order=size_next_order,
 )

@@ -1,35 +1,76 @@
 """Frequency split that follows temperature.
 
 Physics: an uneven rim or mount changes the two stiffness axes differently with temperature.
-Equation: δω R(2mθ_ω) → … + (T − T₀)(s_c R(0) + s_s R(π/2)); ṙ and φ̇ as those of a split   (PHYSICS M9).
+Equation: δω R(2mθ_ω) → … + (T − T₀)(s_c R(0) + s_s R(π/2)) + (T − T₀)²(e_c R(0) + e_s R(π/2)); ṙ and φ̇
+as those of a split   (PHYSICS M9). The bend is −β²δω/2 along the split where its axis turns by β a
+kelvin.
 Size: 1e-4 … 1e-2 rad/s per K (a good shell: none). Mistaken for: a constant split in runs of one
 temperature, ageing. What separates it: ring-downs at several temperatures.
 """
 
+import numpy as np
+
 from ..physics.plant import Environment, Plant, SlowState
-from ..physics.resonator import split_matrix
-from .effect import Array, Effect, Parameter, Values, make_reference_temperature
+from ..physics.resonator import Mechanics, split_matrix
+from .effect import Array, Effect, Parameter, Values, make_reference_temperature, size_bend
+
+BEND = ("cos_rad_s_k2", "sin_rad_s_k2")
+"""Names of the bend's components."""
 
 
 def plant(p: Values, plant: Plant, env: Environment) -> None:
-    """W += 2ω ΔT (s_c R(0) + s_s R(π/2))."""
-    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
-    change = env.temperature_degc - p["reference_temperature_degc"]
-    plant.stiffness = (
-        plant.stiffness + 2 * plant.mechanics.omega_rad_s * change[:, None, None] * slope
-    )
+    """W += 2ω ΔT (s_c R(0) + s_s R(π/2)) + 2ω ΔT² (e_c R(0) + e_s R(π/2))."""
+    warmer = (env.temperature_degc - p["reference_temperature_degc"])[:, None, None]
+    change = warmer * (_slope(p) + warmer * _bend(p))
+    plant.stiffness = plant.stiffness + 2 * plant.mechanics.omega_rad_s * change
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
-    """jΔT (s_c R(0) + s_s R(π/2)) u."""
-    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
-    return 1j * (state.temperature_degc - p["reference_temperature_degc"])[..., None] * (u @ slope)
+    """jΔT (s_c R(0) + s_s R(π/2)) u + jΔT² (e_c R(0) + e_s R(π/2)) u."""
+    warmer = (state.temperature_degc - p["reference_temperature_degc"])[..., None]
+    return 1j * warmer * (u @ _slope(p) + warmer * (u @ _bend(p)))
 
 
 def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
-    """j dT/dt (s_c R(0) + s_s R(π/2)) u."""
-    slope = split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
-    return 1j * state.temperature_rate_degc_s[..., None] * (u @ slope)
+    """j dT/dt (s_c R(0) + s_s R(π/2)) u + 2jΔT dT/dt (e_c R(0) + e_s R(π/2)) u."""
+    warmer = (state.temperature_degc - p["reference_temperature_degc"])[..., None]
+    change = state.temperature_rate_degc_s[..., None]
+    return 1j * change * (u @ _slope(p) + 2 * warmer * (u @ _bend(p)))
+
+
+def _slope(p: Values) -> Array:
+    return split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
+
+
+def _bend(p: Values) -> Array:
+    return split_matrix(p.get(BEND[0], 0.0), p.get(BEND[1], 0.0))
+
+
+def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
+    """|s|²/2δω of either component of the bend: that of a turn, or of a growth in proportion.
+
+    Parameters
+    ----------
+    p
+        Values of the effect's parameters.
+    mechanics
+        The linear resonator.
+
+    Returns
+    -------
+    dict
+        [rad/s/K²].
+
+    Examples
+    --------
+    >>> from hrg_cli.effects.split_temperature import size_next_order
+    >>> from hrg_cli.physics.resonator import Mechanics
+    >>> gyro = Mechanics(5000.0, 1.0, frequency_split_rad_s=0.1)
+    >>> size_next_order({"cos_rad_s_k": 0.0, "sin_rad_s_k": 0.01}, gyro)
+    {'cos_rad_s_k2': 0.0005, 'sin_rad_s_k2': 0.0005}
+    """
+    slope = float(np.hypot(p["cos_rad_s_k"], p["sin_rad_s_k"]))
+    return dict.fromkeys(BEND, size_bend(slope, mechanics.frequency_split_rad_s))
 
 
 EFFECT = Effect(
@@ -40,6 +81,22 @@ EFFECT = Effect(
     parameters=(
         Parameter("cos_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
         Parameter("sin_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),
+        Parameter(
+            BEND[0],
+            "rad s-1 K-2",
+            1e-5,
+            "bend of δω cos 2mθ_ω per kelvin squared",
+            fitted=False,
+            higher_order=True,
+        ),
+        Parameter(
+            BEND[1],
+            "rad s-1 K-2",
+            1e-5,
+            "bend of δω sin 2mθ_ω per kelvin squared",
+            fitted=False,
+            higher_order=True,
+        ),
         make_reference_temperature(),
     ),
     mistaken_for=("ageing", "thermal_gradient"),
@@ -49,4 +106,5 @@ EFFECT = Effect(
     plant=plant,
     slow=slow,
     slow_rate=slow_rate,
+    size_next_order=size_next_order,
 )

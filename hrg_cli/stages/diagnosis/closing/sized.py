@@ -21,6 +21,7 @@ from ..search.selection import Found
 from ..search.stand_in import takes_nearly_all
 from ..thresholds import OWN_SIGMA
 from .held_shapes import refit_one_sigma_off
+from .next_orders import refit_next_orders
 
 Array = np.ndarray
 
@@ -39,7 +40,8 @@ class Sized:
     beside: ExtendedFit
     factor: float
     off: Mapping[str, ExtendedFit] = field(default_factory=dict)
-    """Refits with the held shape of a cause moved by one σ (`held_shapes`), by its name."""
+    """Refits with the held shape of a cause moved by one σ (`held_shapes`), by its name, or with
+    its next order (`next_orders`), by its name and the order."""
     in_place: Sequence[ExtendedFit] = ()
     """Refits with a rival in the place of a cause that it is not told from: base values that differ
     between them are not known better than that."""
@@ -51,7 +53,11 @@ class Sized:
         factor = max(case.inquiry.noise.slow, final.chi2 / final.dof, 1.0)
         beside = final if case.remainder is None else case.remainder.fit
         return cls(
-            final, beside, factor, refit_one_sigma_off(final, factor), refit_with_rivals(case)
+            final,
+            beside,
+            factor,
+            refit_one_sigma_off(final, factor) | refit_next_orders(final, factor),
+            refit_with_rivals(case),
         )
 
     def std(self, std: float, value: float, others: Sequence[float]) -> float:

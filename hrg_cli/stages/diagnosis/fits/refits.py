@@ -58,8 +58,28 @@ def hold_effect(effect: Effect) -> Effect:
     return replace(effect, parameters=tuple(held))
 
 
-def _free_also(effect: Effect, names: Set[str]) -> Effect:
-    """The effect with these parameters fitted too."""
+def free_also(effect: Effect, names: Set[str]) -> Effect:
+    """The effect with these parameters fitted too.
+
+    Parameters
+    ----------
+    effect
+        A cause.
+    names
+        Of its parameters.
+
+    Returns
+    -------
+    Effect
+        The same in all else.
+
+    Examples
+    --------
+    >>> from hrg_cli.effects import find
+    >>> from hrg_cli.stages.diagnosis.fits.refits import free_also
+    >>> [p.name for p in free_also(find("pickoff_nonlinearity"), {"quintic"}).fitted()]
+    ['cubic', 'quintic']
+    """
     freed = (replace(p, fitted=p.fitted or p.name in names) for p in effect.parameters)
     return replace(effect, parameters=tuple(freed))
 
@@ -124,7 +144,7 @@ def adopt(
     # what changes others and does nothing alone (an instant) has no slope before these have a size
     if not any(p.fitted_then for p in effect.parameters):
         return first
-    effect = _free_also(effect, {p.name for p in effect.parameters if p.fitted_then})
+    effect = free_also(effect, {p.name for p in effect.parameters if p.fitted_then})
     values = next(dict(given) for one, given in first.point.active if one.name == effect.name)
     return extended_fit.fit(
         first.series,
@@ -631,7 +651,7 @@ def free_higher_orders(
     for effect, values in fit.point.active:
         if all(p.fitted or not p.higher_order for p in effect.parameters):
             continue
-        freed = _free_also(effect, {p.name for p in effect.parameters if p.higher_order})
+        freed = free_also(effect, {p.name for p in effect.parameters if p.higher_order})
         point = fit_point.add_effect(fit.point, freed, dict(values))
         free = extended_fit.fit(fit.series, point, fit.freedom, near=fit.flow.near)
         if free.converged and fit.chi2 - free.chi2 > max(CLEARLY, best):
