@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from ...effects import EFFECTS
+from ...effects.effect import Effect
 from ...fitting.causes import evidence
 from ...fitting.causes.evidence import Score
 from ...fitting.causes.extended_fit import ExtendedFit
@@ -180,12 +181,19 @@ def _widen_by_sums(fit: ExtendedFit, candidates: Sequence[Variant], verdict: Ver
     verdict.std.update(zip(verdict.order, map(float, spread), strict=True))
     whole = fit.coordinate_covariance() + sum(one @ one.T for one in sums.values())
     verdict.details |= state_splits(verdict.values, verdict.std, fit.point.p, whole)
-    every = ", ".join(sorted({cause for causes in moved.values() for cause in causes}))
+    every = ", ".join(_describe_usual(one.effect) for one in of_read_out if one.effect.name in sums)
     verdict.flat.append(
         f"{', '.join(moved)}: at one rate these runs show the sum with what the read-out does"
-        f" ({every}); the errors hold for its usual size, add runs at another rate,"
+        f" (usual sizes: {every}); the errors hold for what is usual, and for what is larger as"
+        " far as these runs show it; add runs at another rate,"
         " best of the other sign"
     )
+
+
+def _describe_usual(effect: Effect) -> str:
+    """A cause of one number with its usual size."""
+    (size,) = effect.fitted()
+    return f"{effect.name} {size.typical:g}{'' if size.units == '1' else f' {size.units}'}"
 
 
 def _bound_axes(verdict: Verdict) -> None:

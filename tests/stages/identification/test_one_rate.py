@@ -123,3 +123,16 @@ def test_the_second_order_is_that_of_a_resonator_or_of_an_average(scale, std, de
     p, root = np.append(np.zeros(6), scale), np.array([[1 / std]])
     fit = SimpleNamespace(p=p, data_root=root, freedom=prior, chi2=100.0, dof=100)
     assert decide_second_order(fit) == decided
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_read_out_ten_times_as_large_as_usual_is_in_the_errors(seed, monkeypatch):
+    """A phase mismatch of 10 mrad, 2 σ of the second order in these runs, left K and the frequency
+    split 10 of their σ off."""
+    few = {"frequency_split_rad_s": 0.0814, "stiffness_axis_rad": 0.405}
+    for name, value in (few | {"damping_split_1_s": 7e-3, "damping_axis_rad": 0.115}).items():
+        monkeypatch.setitem(GYRO, name, value)
+    record = identify(run_downs((0.3, 0.3), seed, phase_mismatch={"phase_rad": -1e-2}))
+    assert record.status == "valid"
+    assert np.max(np.abs(measure_errors(record, (*SPLITS, "scale_factor")))) < 4.5
+    assert record.parameters()["scale_factor"][1] < 0.01 * GYRO["scale_factor"]

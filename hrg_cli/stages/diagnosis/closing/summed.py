@@ -9,15 +9,19 @@ At one rate a constant matrix E of the read-out is the splits [E, L] (gauge theo
 gain mismatch g is νδμ = KΩg. Other rates tell these parts; at one, the second order alone does.
 
 A cause p that a typical size t of it would not make worth its price, t²|S⊥|² < WORTH + ln N with S⊥
-its sensitivity off the model's, may therefore be there. With its typical size as prior,
-    Σ = (S⊥ᵀS⊥ + T⁻²)⁻¹, T = diag t,    p̂ = Σ S⊥ᵀr,
-r the residual, in units of what the model leaves. Its mean square is Σ + p̂p̂ᵀ, and it moves the
+its sensitivity off the model's, may therefore be there. Of each eigenvector of S⊥ᵀS⊥, eigenvalue λ,
+in units of t, it is there by p with
+    P(p | r) ∝ exp(pb − λp²/2)/(1 + p²),    b its part of S⊥ᵀr,
+r the residual, in units of what the model leaves. The prior is Cauchy's, of median t: half of all
+such causes are smaller, one in sixteen is ten times as large, and where the data ask for one of ten
+times t at 2.4 σ it gives way to them, which a normal one does not. The middle of this density and
+a quarter of the width of its middle 95 %, σ of a normal one, add up in square, and p moves the
 coordinates by C Jᵀ S p.
 
 One that would be named at its typical size may be there at a smaller one, and where the runs hardly
 tell it from a coordinate that is enough: quiet driven runs know a frequency split to 4e-5 of it,
-and a common excess of the forces, which is as much of it, to 1e-3. It counts where Σ moves a
-coordinate by more than `SHOWN_AS_SUM` times what the runs show that to.
+and a common excess of the forces, which is as much of it, to 1e-3. It counts where that width moves
+a coordinate by more than `SHOWN_AS_SUM` times what the runs show that to.
 """
 
 from __future__ import annotations
@@ -31,11 +35,15 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.moves import move_coordinates
 from ..fits.variants import Variant
 from ..search.search_case import Case
-from ..thresholds import SHOWN_AS_SUM, WORTH
+from ..thresholds import MOST_TYPICAL, SHOWN_AS_SUM, WORTH
 
 Array = np.ndarray
 SUMMED = frozenset({"drive", "another rate"})
 """What runs must hold to show a cause whose sum with the base model all others show."""
+MIDDLE_PART = (0.0228, 0.5, 0.9772)
+"""Probabilities below −2σ, the middle and 2σ of a normal density."""
+GRID = 1001
+"""Places of a density, evenly spaced in arsinh."""
 
 
 def estimate_moves_of_summed(case: Case) -> dict[str, Array]:
@@ -120,10 +128,46 @@ def _matters(moves: Array, shown: Array) -> bool:
 
 
 def _move_by_doubt(fit: ExtendedFit, S: Array, free: Array, misfit: float) -> Array:
-    """Columns (7, k + 1) of Σ and of p̂ of causes whose sensitivities are S (N, k) per typical size,
-    and off the model's `free`."""
+    """Columns (7, k + 1) of the widths and of the middle of causes whose sensitivities are S (N, k)
+    per typical size, and off the model's `free`."""
     power, turn = np.linalg.eigh(free.T @ free)
-    # S is per typical size, so that the prior is 1 in every direction
-    left = turn / np.sqrt(1 + np.maximum(power, 0.0))
-    likely = left @ (left.T @ (free.T @ fit.residual)) / misfit
-    return move_coordinates(fit, S @ np.column_stack([left, likely]))
+    pull = turn.T @ (free.T @ fit.residual) / misfit
+    # S is per typical size, so that the prior is alike in every direction
+    likely = [size_doubt(max(one, 0.0), by) for one, by in zip(power, pull, strict=True)]
+    middle, half = np.array(likely).reshape(-1, 2).T
+    return move_coordinates(fit, S @ np.column_stack([turn * half, turn @ middle]))
+
+
+def size_doubt(power: float, pull: float) -> tuple[float, float]:
+    """How large a cause may be, in typical sizes, beside a Cauchy prior of one.
+
+    Parameters
+    ----------
+    power
+        λ: its χ² at its typical size.
+    pull
+        b: the data's pull at it, by which they alone would make it b/λ.
+
+    Returns
+    -------
+    tuple of float
+        Middle of the density, and a quarter of the width of its middle 95 %.
+
+    Examples
+    --------
+    Of data that say nothing, that show none, and that ask for ten times as much at 2.4 σ:
+
+    >>> from hrg_cli.stages.diagnosis.closing.summed import size_doubt
+    >>> asked = (0.0, 0.0), (1e4, 0.0), (0.06, 0.6)
+    >>> [tuple(abs(round(number, 1)) for number in size_doubt(*one)) for one in asked]
+    [(0.0, 6.9), (0.0, 0.0), (2.8, 3.8)]
+    """
+    reach = np.arcsinh(MOST_TYPICAL)
+    p = np.sinh(np.linspace(-reach, reach, GRID))
+    if power > 0:  # as fine as the data's own σ where they are
+        p = np.union1d(p, pull / power + np.linspace(-8, 8, GRID) / np.sqrt(power))
+    exponent = pull * p - power * p**2 / 2 - np.log1p(p**2)
+    density = np.exp(exponent - exponent.max())
+    below = np.concatenate([[0.0], np.cumsum(np.diff(p) * (density[1:] + density[:-1]) / 2)])
+    low, middle, high = np.interp(np.array(MIDDLE_PART) * below[-1], below, p)
+    return float(middle), float(high - low) / 4

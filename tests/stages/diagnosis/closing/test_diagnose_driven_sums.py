@@ -75,6 +75,16 @@ def driven():
     return case_of(free=False)
 
 
+def size_of(estimate, std, typical):
+    """How large it may be: a Cauchy prior of its typical size times what the data say, its middle
+    and a quarter of its middle 95 %."""
+    size = np.linspace(-50, 50, 200_001) * max(std, typical)
+    chance = np.exp(-(((size - estimate) / std) ** 2) / 2) / (1 + (size / typical) ** 2)
+    below = np.cumsum(chance) / chance.sum()
+    low, middle, high = np.interp([0.0228, 0.5, 0.9772], below, size)
+    return np.hypot(middle, (high - low) / 4)
+
+
 def test_driven_runs_alone_move_the_damping_by_what_the_forcers_do(driven):
     moved = estimate_moves_of_summed(driven)
     # −N u + (1 + g)F u/a: a common excess g of both forces is −gν, a mismatch g −(g/2)ν of the split
@@ -82,12 +92,10 @@ def test_driven_runs_alone_move_the_damping_by_what_the_forcers_do(driven):
     slopes = {"drive_gain": ("damping", -NU), "drive_gain_mismatch": ("damping_cos", -NU / 2)}
     for score, variant in score_effects(driven.search.final, driven.inquiry.candidates):
         typical = variant.effect.parameters[0].typical
-        precision = typical**-2 + score.std[0] ** -2
-        likely = score.estimate[0] / score.std[0] ** 2 / precision
         name, slope = slopes[score.name]
         move = np.linalg.norm(moved[score.name], axis=1)
         assert move[at(name)] == pytest.approx(
-            abs(slope) * np.hypot(precision**-0.5, likely), rel=0.05
+            abs(slope) * size_of(score.estimate[0], score.std[0], typical), rel=0.05
         )
         assert move[at("scale_factor")] < 0.01 * move[at(name)]
 
