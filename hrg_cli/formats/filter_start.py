@@ -1,13 +1,16 @@
 """How many rows at a log's start a demodulator's filter still settles.
 
 A filter that starts empty, or with what another wave left in it, answers with exponentials that are
-over within some of its own correlations. There the envelope bends as it never does just behind: its
-second difference over a correlation, turned back by the oscillation's own turn, stands far out.
+over within some of its own correlations. There the envelope, turned back by the oscillation's own
+turn, stands farther off the parabola through the rows ahead than it ever does just behind. Of a
+filter of one pole the first row alone tells of it, as all others follow from it but for noise: the
+parabola has to be longer than the noise's correlation, so that it adds little.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri
 
 Array = np.ndarray
 
@@ -15,14 +18,18 @@ LONGEST = 12.0
 """Correlations within which any filter of one to four poles has settled to a millionth."""
 
 BEHIND = 24.0
-"""Correlations behind them in which the envelope shows how much it bends by itself."""
+"""Correlations behind them in which the envelope shows how far off it is by itself, and length of
+the parabolas."""
+
+AHEAD = 2.0
+"""Correlations from a row to the first that its parabola is fitted to."""
 
 FEWEST = 16
-"""Second differences, at least, that this is judged by."""
+"""Distances, at least, that this is judged by."""
 
-FAR = 30.0
-"""Square of a second difference over the median behind: noise of one channel gets there with a
-chance of 1e-6, and no motion loses so much of its bend within `LONGEST`."""
+CHANCE, ROOM = 1e-6, 1.5
+"""Chance with which noise alone is as far off, and times that which counts as far: no motion loses
+so much of its bend within `LONGEST`."""
 
 QUIET = 0.01
 """Part of the noise's power to which what is left shall have fallen: a tenth of σ."""
@@ -31,9 +38,8 @@ QUIET = 0.01
 def count_settling_rows(start: Array, correlated_rows: float, turn: float, variance: float) -> int:
     """Rows of an envelope's start before the filter that made it has settled.
 
-    An exponential that dies away stands far out of what the second difference over a correlation
-    shows behind it. Where the bend is no longer seen it goes on to fall as it did, until it is
-    below the noise.
+    An exponential that dies away stands far off the parabolas. Where it is no longer seen it goes
+    on to fall as it did, until it is below the noise.
 
     Parameters
     ----------
@@ -66,17 +72,35 @@ def count_settling_rows(start: Array, correlated_rows: float, turn: float, varia
     """
     lag = max(1, round(correlated_rows))
     longest = int(np.ceil(LONGEST * correlated_rows))
-    rows = start[:, : longest + max(FEWEST, int(BEHIND * correlated_rows)) + 2 * lag]
-    if rows.shape[1] < longest + FEWEST + 2 * lag:
+    kernel = _make_parabola(round(AHEAD * lag), round(BEHIND * lag))
+    rows = start[:, : longest + max(FEWEST, int(BEHIND * correlated_rows)) + len(kernel)]
+    if rows.shape[1] < longest + FEWEST + len(kernel):
         return 0
     back = rows * np.exp(-1j * turn * np.arange(rows.shape[1]))
-    bend = back[:, 2 * lag :] - 2 * back[:, lag:-lag] + back[:, : -2 * lag]
-    power = (np.abs(bend) ** 2).sum(0)
-    seen = FAR * np.nanmedian(power[longest:])
+    off = np.stack([np.correlate(channel, kernel, "valid") for channel in back])
+    power = (np.abs(off) ** 2).sum(0)
+    seen = _find_far(len(rows)) * np.nanmedian(power[longest:])
     far = power > seen
     if not far[0] or far[longest - lag : longest].any():
         return 0
     last = int(np.flatnonzero(far[:longest])[-1]) + 1
     fall = np.log(power[:last].max() / seen) / last
-    unseen = np.log(seen / min(seen, QUIET * 6 * variance)) / fall
+    unseen = np.log(seen / min(seen, QUIET * variance)) / fall
     return last + lag + int(np.ceil(unseen))
+
+
+def _make_parabola(ahead: int, length: int) -> Array:
+    """Weights (n,) of a row and those ahead of it that give its distance from the parabola of least
+    squares through `length` of these."""
+    lags = ahead + np.arange(length)
+    along = np.vander(lags / lags[-1], 3)
+    kernel = np.zeros(ahead + length)
+    kernel[ahead:] = -np.linalg.pinv(along)[2]
+    kernel[0] += 1
+    return kernel
+
+
+def _find_far(channels: int) -> float:
+    """Square of a distance over its median behind from which it is far: χ² of the channels' two
+    parts."""
+    return ROOM * float(chdtri(2 * channels, CHANCE) / chdtri(2 * channels, 0.5))
