@@ -26,8 +26,35 @@ def readout(p: Values, readout: Readout) -> None:
 
 def slow_readout(p: Values, u: Array, state: SlowState) -> Array:
     """u_k N(|u_k|)."""
-    x = 1 / np.maximum(np.abs(u) * max(p["inverse_level"], 0.0), 1.0)
-    return u * (2 / np.pi) * (np.arcsin(x) + x * np.sqrt(np.maximum(1 - x**2, 0.0)))
+    return u * compute_kept(np.abs(u), max(p["inverse_level"], 0.0))
+
+
+def compute_kept(amplitude: Array, inverse_level: float) -> Array:
+    """N of oscillations: the part of the fundamental that is left of one clipped at a level.
+
+    Parameters
+    ----------
+    amplitude
+        (…), the signals' unit.
+    inverse_level
+        1 over the level.
+
+    Returns
+    -------
+    ndarray
+        (…), from 0 to 1.
+
+    Examples
+    --------
+    Of one below the level, and one far above it, which is a square wave of 4/π of it:
+
+    >>> import numpy as np
+    >>> from hrg_cli.effects.saturation import compute_kept
+    >>> (compute_kept(np.array([0.9, 100.0]), 1.0) * [1, 100]).round(3).tolist()
+    [1.0, 1.273]
+    """
+    x = 1 / np.maximum(amplitude * inverse_level, 1.0)
+    return (2 / np.pi) * (np.arcsin(x) + x * np.sqrt(np.maximum(1 - x**2, 0.0)))
 
 
 def list_levels(runs: Runs) -> list[Values]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
+from .clipping import find_clipping_mistakes
 from .drive_logs import find_drive_mistakes
 from .rate_offsets import find_offset_mistakes
 from .readings import (
@@ -47,6 +48,7 @@ def find_mistakes(wave: Wave, others: ExtendedFit) -> Iterator[Reading]:
     """
     yield from find_channel_mistakes(wave, others)
     yield from find_amplifier_mistakes(wave, others)
+    yield from find_clipping_mistakes(wave, others)
     yield from find_time_mistakes(wave, others)
     yield from find_rate_mistakes(wave, others)
     yield from find_offset_mistakes(wave, others)
