@@ -7,6 +7,7 @@ import numpy as np
 
 from ...physics import ellipse
 from ...records import Wave
+from ...records.windowed import FLAG_GAP
 from .envelope_runs import EnvelopeRun
 
 Array = np.ndarray
@@ -23,14 +24,14 @@ def to_wave(run: EnvelopeRun, record: Wave) -> Wave:
     Parameters
     ----------
     run
-        Windows, or averages of them, at rising times.
+        Windows, or averages of them, at rising times; rows of infinite σ fill its gaps.
     record
         That they come from: what its windows stand for, and what their noise has in common.
 
     Returns
     -------
     Wave
-        Of mode "free", every row good; no harmonics, flags or spectrum.
+        Of mode "free"; what fills a gap is flagged so, without an error.
 
     Examples
     --------
@@ -51,7 +52,9 @@ def to_wave(run: EnvelopeRun, record: Wave) -> Wave:
     count, zero = len(run), np.zeros(len(run))
     main, quadrature, angle, phase = ellipse.find_wave(run.envelope, run.mode_number)
     angle, phase = ellipse.unwrap(angle, phase, run.mode_number)
-    relative = run.std / main
+    filled = np.isinf(run.std)
+    std = np.where(filled, 0.0, run.std)
+    relative = std / main
     return Wave(
         time_s=run.time_s,
         main_amplitude=main,
@@ -59,16 +62,16 @@ def to_wave(run: EnvelopeRun, record: Wave) -> Wave:
         wave_angle_rad=angle,
         phase_rad=phase,
         carrier_phase_rad=zero,
-        main_amplitude_std=run.std,
-        quadrature_amplitude_std=run.std,
+        main_amplitude_std=std,
+        quadrature_amplitude_std=std,
         wave_angle_rad_std=relative / run.mode_number,
         phase_rad_std=relative if run.phase_known else np.full(count, np.inf),
         carrier_phase_rad_std=zero,
         residual_rms=zero,
-        signal_std=run.std,
-        channel_std=run.std[:, None] * np.sqrt(run.shares),
+        signal_std=std,
+        channel_std=std[:, None] * np.sqrt(run.shares),
         iterations=np.zeros(count, "i2"),
-        flags=np.zeros(count, "u1"),
+        flags=np.where(filled, FLAG_GAP, 0).astype("u1"),
         temperature_degc=run.temperature_degc,
         rate_rad_s=_find_rate(run.time_s, run.turn_rad),
         frequency_hz=np.full(count, run.reference_frequency_hz),

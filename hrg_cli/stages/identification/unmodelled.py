@@ -25,6 +25,7 @@ from ...fitting.envelopes import condensed, coordinates
 from ...fitting.envelopes.averaged_waves import to_wave
 from ...fitting.envelopes.envelope_runs import EnvelopeRun
 from ...records import Wave
+from ..diagnosis.base.data import bridge_gaps
 from ..diagnosis.base.joint_fit import fit_base
 from ..diagnosis.closing.summed import find_moves_of_summed
 from ..diagnosis.fits.refits import take_plain_averaging
@@ -101,7 +102,8 @@ def doubt_beside_causes(
     if modes_alone or verdict.refused:
         return
     if sum(map(len, waves)) > condensed.IN_MEMORY:  # the runs' turn holds their rates already
-        turned = [to_wave(run, wave) for run, wave in zip(runs, waves, strict=True)]
+        logged = rate_rad_s is None
+        turned = [_average(run, wave, logged) for run, wave in zip(runs, waves, strict=True)]
     else:
         turned = [_turn(wave, rate_rad_s, earth_rad_s) for wave in waves]
     fitted = partial(fit_base, scale_factor=scale_factor, blocks=rows, free_phase=False)
@@ -118,6 +120,19 @@ def doubt_beside_causes(
         verdict, doubtful=[_check(list(_list_movers(fit, ranked, len(candidates), verdict)))]
     )
     _widen_by_sums(fit, candidates, verdict)
+
+
+def _average(run: EnvelopeRun, wave: Wave, logged: bool) -> Wave:
+    """The wave of a run's averages; in its gaps the table goes on as logged, or evenly."""
+    names = ("time_s", "temperature_degc", *(("rate_rad_s",) if logged else ()))
+    every = max(1, len(wave) // condensed.SAMPLE)
+    log = wave.only(names)
+    thin = {
+        name: np.asarray(column)[::every]
+        for name in names
+        if (column := getattr(log, name)) is not None
+    }
+    return to_wave(bridge_gaps(run, log.replace(**thin)), wave)
 
 
 def _turn(wave: Wave, rate_rad_s: float | None, earth_rad_s: float) -> Wave:
