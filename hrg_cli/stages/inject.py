@@ -183,6 +183,13 @@ def _choose_effects(
         if missing:
             own = ", ".join(f"{p.name} [{p.units}], the {p.meaning}" for p in missing)
             raise HrgError(f"effects.{name}: {own}, is missing; set it")
+        beyond = [p for p in effect.parameters if values[p.name] < p.minimum]
+        if beyond:
+            own = ", ".join(f"{p.name} = {values[p.name]:g}" for p in beyond)
+            raise HrgError(
+                f"effects.{name}: {own}, no such cause has less than {beyond[0].minimum:g}; set its"
+                " size with the other sign"
+            )
         hidden.append((effect, values))
     return hidden
 

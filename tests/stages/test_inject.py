@@ -252,6 +252,12 @@ def test_what_happens_at_an_instant_or_a_frequency_has_no_usual_one(effect):
     assert known == {p.name for p in effect.parameters} & {"time_s", "frequency_hz"}
 
 
+def test_a_cause_of_impossible_sign_is_not_hidden(plain):
+    """A friction that drives the wave was hidden without a word, and no diagnosis could name it."""
+    with pytest.raises(HrgError, match=r"slope_1_s = -0.001, no such cause has less than 0"):
+        inject(plain[False], effects={"dry_friction": {"slope_1_s": -1e-3}})
+
+
 def test_a_carrier_is_refused(plain):
     with pytest.raises(HrgError, match="direct read-out were expected"):
         inject(
