@@ -29,6 +29,7 @@ from .spectrum import (
     find_floor,
     find_lines,
 )
+from .twin_channels import tell_twins
 
 Array = np.ndarray
 
@@ -180,6 +181,8 @@ class FrequencyCourse:
         at = finding.list_bands(reference, self.carrier_hz)
         skip = tuple((f - away, f + away) for f in (*at, 0.0))
         line_hz, line_amplitude, line_ratio = rest.find_lines(skip)
+        common = estimate_correlation(rest.spectrum, at, ABOUT * reference, skip)
+        twins = tell_twins(recording, common, rest.average_noise(), rest.strength2, least_count)
         return Survey(
             reference_hz=reference,
             carrier_hz=self.carrier_hz,
@@ -201,9 +204,9 @@ class FrequencyCourse:
             line_amplitude=line_amplitude,
             line_ratio=line_ratio,
             suspect=self.dead + self.found.suspect,
-            refused=_refuse_noise(self.found),
+            refused=_refuse_noise(self.found) + twins,
             least_count=least_count,
-            noise_correlation=estimate_correlation(rest.spectrum, at, ABOUT * reference, skip),
+            noise_correlation=common,
         )
 
 
@@ -338,6 +341,19 @@ class Residual:
     blind_hz: float
     strength2: float
     noise2: Array
+
+    def average_noise(self) -> Array:
+        """Variance of a sample of each channel, without lines.
+
+        Returns
+        -------
+        ndarray
+            (2,), unit² of the signals; 0 without a spectrum.
+        """
+        seen = self.spectrum
+        if not seen.segments:
+            return np.zeros(2)
+        return np.asarray(find_floor(seen.mean()).mean(axis=0) * seen.frequency_hz[-1])
 
     def find_lines(self, skip_hz: tuple[tuple[float, float], ...]) -> tuple[Array, Array, Array]:
         """Lines that stand out of the spectrum.
