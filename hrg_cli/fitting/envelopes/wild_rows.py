@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...records import FLAG_NOT_FINITE, Wave
-from ..samples.wild import ABOUT, WILD, find_lonely, measure_tame
+from ..samples.wild import ABOUT, find_lonely, measure_tame
 
 Array = np.ndarray
 
@@ -19,6 +19,8 @@ COLUMNS = (
     *("rate_rad_s", "temperature_degc"),
 )
 
+WILD = 1e3
+"""Distance from the middle, over the largest of the others, from which a row's value is wild."""
 
 BLOCK = 1 << 13
 """Windows that are held against one another: what is kept does not grow with the run."""

@@ -1,5 +1,6 @@
-"""Samples that no wave can hold: a few alone, thousands of times what stands about them. A bit that
-flipped or a word that was torn makes such a number; unnamed, it is all that a spectrum shows.
+"""Samples that no wave can hold: a few alone, many times what stands about them. A bit that flipped
+or a word that was torn makes such a number; unnamed, it is all that a spectrum shows, and at even
+distances such numbers are lines.
 """
 
 from __future__ import annotations
@@ -16,9 +17,16 @@ from .looks import Look
 
 Array = np.ndarray
 
-WILD = 1e3
+WILD = 10.0
 """Distance from the middle, over the largest of the others in the looks, from which a sample is
 wild."""
+
+CALM = 3.0
+"""The same, up to which all samples about a wild one are: a wave that comes to such a size between
+two looks has others between."""
+
+USUAL = 0.9
+"""Part of a look's distances from the middle that the usual one exceeds."""
 
 MOST_TOGETHER, ABOUT = 3, 8
 """Wild samples at most that stand within so many samples of one another: an oscillation so far
@@ -54,7 +62,8 @@ class TameChannel:
         first, last, _ = rows.indices(len(self))
         start = max(0, first - ABOUT)
         about = np.asarray(self._values[start : last + ABOUT], dtype=float)
-        places = start + find_lonely(np.abs(about - self._middle) > limit)
+        off = np.abs(about - self._middle)
+        places = start + find_lonely(off > limit, off <= CALM * self.tame)
         places = places[(places >= first) & (places < last)]
         if not len(places):
             return part
@@ -66,13 +75,16 @@ class TameChannel:
         return out
 
 
-def find_lonely(beyond: Array) -> Array:
+def find_lonely(beyond: Array, calm: Array | None = None) -> Array:
     """Places of the true values that have at most `MOST_TOGETHER` about them.
 
     Parameters
     ----------
     beyond
         (n,) bool.
+    calm
+        Which of the others are as they usually are (n,) bool; where one about a place is neither,
+        that is not alone. None: all are.
 
     Returns
     -------
@@ -91,10 +103,19 @@ def find_lonely(beyond: Array) -> Array:
     [20]
     """
     places = np.flatnonzero(beyond)
-    about = np.searchsorted(places, places + ABOUT, "right") - np.searchsorted(
-        places, places - ABOUT, "left"
+    alone = _count_about(places, places) <= MOST_TOGETHER
+    if calm is not None:
+        alone &= _count_about(np.flatnonzero(~(beyond | calm)), places) == 0
+    return np.asarray(places[alone])
+
+
+def _count_about(found: Array, places: Array) -> Array:
+    """How many of some places, rising, are within `ABOUT` of each of others."""
+    last, first = (
+        np.searchsorted(found, places + step, side)
+        for step, side in ((ABOUT, "right"), (-ABOUT, "left"))
     )
-    return np.asarray(places[about <= MOST_TOGETHER])
+    return np.asarray(last - first)
 
 
 def measure_tame(off: Array) -> float:
@@ -165,10 +186,16 @@ def _tame_channel(values: Any, looks: Sequence[Look], k: int) -> Any:
     middle = float(find_median([find_median(raw) for raw in raws]))
     with np.errstate(over="ignore"):
         sizes = [np.abs(raw - middle) for raw in raws]
-    tame = max(measure_tame(off) for off in sizes)
+    tame = max(measure_tame(_drop_lonely(off)) for off in sizes)
     return (
         TameChannel(values, middle, tame) if 0 < WILD * tame < _find_reach(values.dtype) else values
     )
+
+
+def _drop_lonely(off: Array) -> Array:
+    """A look's distances from the middle without those that stand alone, however many these are."""
+    usual = float(np.partition(off, int(USUAL * len(off)))[int(USUAL * len(off))])
+    return np.delete(off, find_lonely(off > WILD * usual, off <= CALM * usual))
 
 
 def _find_reach(dtype: np.dtype) -> float:

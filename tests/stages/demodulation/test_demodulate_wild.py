@@ -5,7 +5,7 @@ import pytest
 import records_by_hand as by_hand
 
 from hrg_cli import store
-from hrg_cli.fitting.samples.wild import ABOUT, WILD, find_lonely
+from hrg_cli.fitting.samples.wild import ABOUT, CALM, WILD, find_lonely
 from hrg_cli.records import FLAG_NOT_FINITE, collect
 from hrg_cli.stages.demodulate import demodulate
 
@@ -79,6 +79,22 @@ def test_a_wild_sample_that_no_look_saw(clean):
     assert any(f"sample {place + 1} of channel S" in reason for reason in told.status_reasons)
 
 
+@pytest.mark.parametrize("every", [997, 3001])
+def test_wild_samples_at_even_distances_make_no_lines(clean, every):
+    """Every look holds some; they were the largest "of the others", and the lines they made causes."""
+    recording = floats(clean)
+    true = collect(demodulate(recording))
+    size = 15 * np.abs(recording.c).max()
+    told = collect(demodulate(spoilt(recording, "c", slice(500, None, every), size)))
+    bad = told.flags & FLAG_NOT_FINITE > 0
+    count = len(range(500, len(recording.c), every))
+    assert bad.sum() == count and not told.flags[~bad].any()
+    assert f"and {count - 1} more such" in " ".join(told.status_reasons)
+    without = collect(demodulate(spoilt(recording, "c", slice(500, None, every), np.nan)))
+    np.testing.assert_allclose(told.signals, without.signals, rtol=1e-6, atol=1e-9, equal_nan=True)
+    assert len(told.spectrum_line_frequency_hz) <= len(true.spectrum_line_frequency_hz) + 1
+
+
 def test_blocks_do_not_matter(clean):
     recording = floats(clean)
     for place in (4095, 4096):  # where a block ends
@@ -93,7 +109,8 @@ def test_blocks_do_not_matter(clean):
 def test_a_wave_far_above_what_the_looks_hold_is_no_wild_sample(per_period):
     """At four samples a period a sine's neighbours of the top are zero: its next tops are not."""
     wave = np.sin(2 * np.pi * np.arange(400) / per_period + 1e-9) * np.exp(-np.arange(400) / 80)
-    assert not len(find_lonely(np.abs(wave) > 1 / WILD))
+    for limit in (0.8, 0.1, 1e-3):
+        assert not len(find_lonely(np.abs(wave) > limit, np.abs(wave) <= limit * CALM / WILD))
     burst = np.zeros(400, bool)
     burst[[50, 51, 52]] = burst[50 + 2 * ABOUT + 9] = True
     assert find_lonely(burst).tolist() == [50, 51, 52, 50 + 2 * ABOUT + 9]
