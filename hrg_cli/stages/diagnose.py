@@ -68,6 +68,7 @@ from .diagnosis.search.starts import tell_course
 from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,
+    find_backward_runs,
     find_stuck_columns,
     suspect_plain_run,
     suspect_quiet_run,
@@ -199,8 +200,9 @@ def _diagnose_usable(asked: Asked) -> Diagnosis:
         for w in asked.waves
         if w.status == "refused"
     ]
-    # A stuck column is no motion: causes fitted to it would be blamed for it.
-    if stuck := unfit or find_stuck_columns(asked.waves):
+    # A stuck column is no motion, nor is one that runs backwards: causes fitted to it would be
+    # blamed for it.
+    if stuck := unfit or find_stuck_columns(asked.waves) or find_backward_runs(asked.waves):
         try:
             base = fit_together(asked.waves, asked.fit)
         except HrgError as error:

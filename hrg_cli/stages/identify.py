@@ -12,13 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import HrgError
-from ..fitting.envelopes import condensed, free_windows
+from ..fitting.envelopes import condensed, free_windows, growing
 from ..fitting.envelopes.base_fit import check_runs
 from ..fitting.envelopes.base_freedom import Known
 from ..fitting.envelopes.envelope_runs import turn_table
 from ..fitting.envelopes.frozen import CORRECTION, find_frozen
 from ..physics.resonator import PARAMETERS
 from ..records import Resonator, Wave
+from .diagnosis.thresholds import GROWN
 from .earth_rate import AxisAzimuth, AxisTilt, EarthRate, Latitude, find_earth_rate
 from .identification.by_likelihood import identify_by_likelihood
 from .identification.by_regression import compare_methods, identify_by_regression
@@ -223,8 +224,12 @@ def _make_resonator_record(verdict: Verdict, waves: Sequence[Wave], method: str)
         for wave, found in zip(waves, find_frozen(waves), strict=True)
         for one in found
     ]
+    backwards = [
+        f"{waves[one.run].run_id}: samples run backwards ({one.evidence}); {growing.CORRECTION}"
+        for one in growing.find_growing(waves, GROWN)
+    ]
     return resonator.judged(verdict.suspect, "suspect").judged(
-        [*verdict.refused, *stuck], "refused"
+        [*verdict.refused, *stuck, *backwards], "refused"
     )
 
 

@@ -180,6 +180,9 @@ PLAUSIBLE_DEGC = 200.0
 """Distance from the other runs' temperatures that a run may have had."""
 THINKABLE_LATENESS = 4.0
 """Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
+GROWN = 0.1
+"""ln of a free run's growth from which nothing makes it but time that runs backwards or a drive:
+gains differ by a few hundredths from one wave angle to another, and noise by less."""
 CONTRADICTION = 1e3
 """χ² per degree of freedom from which it is asked whether the runs are of one gyro."""
 

@@ -9,6 +9,7 @@ catalogue by χ² + parameters·ln N at the noise of the best of them.
 from __future__ import annotations
 
 from ...suspicion import Suspicion
+from .backwards import find_backward_runs
 from .quiet import QuietMistake, suspect_plain_run, suspect_quiet_run
 from .repeats import find_stuck_columns
 from .search import suspect_runs
@@ -16,6 +17,7 @@ from .search import suspect_runs
 __all__ = [
     "QuietMistake",
     "Suspicion",
+    "find_backward_runs",
     "find_stuck_columns",
     "suspect_plain_run",
     "suspect_quiet_run",
