@@ -22,6 +22,7 @@ from .looks import (
     take_looks,
 )
 from .oscillation_search import SpectralPeak, follow_frequency, search_oscillation
+from .overflow import tell_overflow
 from .spectrum import (
     AveragedSpectrum,
     compute_look_residual,
@@ -204,10 +205,24 @@ class FrequencyCourse:
             line_amplitude=line_amplitude,
             line_ratio=line_ratio,
             suspect=self.dead + self.found.suspect,
-            refused=_refuse_noise(self.found) + twins,
+            refused=(
+                _refuse_noise(self.found) + twins + self._tell_overflow(recording, least_count)
+            ),
             least_count=least_count,
             noise_correlation=common,
         )
+
+    def _tell_overflow(
+        self, recording: Recording, least_count: tuple[float, float]
+    ) -> tuple[str, ...]:
+        """Sentences on channels whose codes overflowed: of even samples of one oscillation."""
+        if not self.even or self.carrier_hz is not None:
+            return ()
+        scales = (recording.c_scale_factor, recording.s_scale_factor)
+        steps = [step / abs(scale) for step, scale in zip(least_count, scales, strict=True)]
+        middles = [look.time_s.mean() for look in self.looks]
+        turns = 2 * np.pi * self.step_s * np.interp(middles, *self.track)
+        return tell_overflow(self.looks, turns.tolist(), (steps[0], steps[1]))
 
 
 def survey(recording: Recording, name: str, looks: Sequence[Look] | None = None) -> Survey:
