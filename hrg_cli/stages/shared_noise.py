@@ -1,8 +1,8 @@
 """One recording under two names, told by its noise: two runs may move alike, and never share noise.
 
 Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the
-cross-correlation of two runs' has a single peak where one is the other, exported again, rounded or
-cut, and both columns share it. Runs that a simulator gave the same noise move otherwise, and lines
+cross-correlation of two runs' has a single peak where one is the other, exported again, rounded,
+cut or multiplied by a factor, and both columns share it. Runs that a simulator gave the same noise move otherwise, and lines
 that all recordings have make no single peak.
 """
 
@@ -218,15 +218,22 @@ def _correlate(one: Array, other: Array) -> float:
 
 
 def _move_alike(one: _Rows, other: _Rows, mine: slice, its: slice) -> bool:
-    """Whether both go through the same amplitudes and angles, but for noise and a part of a row."""
-    apart = one.amplitude[mine] - other.amplitude[its]
+    """Whether both go through the same amplitudes and angles, but for noise, a part of a row, and a
+    factor that their noise has too."""
+    a, b = one.amplitude[mine], other.amplitude[its]
     turned = one.angle[mine] - other.angle[its]
     turned = turned - one.period_rad * np.round(turned / one.period_rad)
-    for values, difference, std in (
-        (one.amplitude[mine], apart, one.std[0]),
-        (one.angle[mine], turned, one.std[1]),
-    ):
-        moved = float(np.median(np.abs(np.diff(values))))
-        if float(np.median(np.abs(difference))) > MOVES_ALIKE * std + moved:
-            return False
-    return True
+    if not _differ_by_noise(one.angle[mine], turned, one.std[1]):
+        return False
+    if _differ_by_noise(a, a - b, one.std[0]):
+        return True
+    factor = float(np.median(a) / np.median(b)) if np.median(b) > 0 else 0.0
+    # a simulator's seed gives runs of several amplitudes one noise of one size
+    if factor <= 0 or abs(np.log(one.std[0] / other.std[0] / factor)) > abs(np.log(factor)) / 2:
+        return False
+    return _differ_by_noise(a, a - factor * b, one.std[0])
+
+
+def _differ_by_noise(values: Array, difference: Array, std: float) -> bool:
+    moved = float(np.median(np.abs(np.diff(values))))
+    return float(np.median(np.abs(difference))) <= MOVES_ALIKE * std + moved

@@ -15,12 +15,12 @@ from hrg_cli.stages.shared_noise import find_shared_noise, need_own_noise
 SAMPLING_HZ, FREQUENCY_HZ, LENGTH_S = 8123.0, 1000.3, 12.0
 
 
-def samples(angle, noise_seed, hum=0.0, rate=0.3, noise=3e-4):
+def samples(angle, noise_seed, hum=0.0, rate=0.3, noise=3e-4, size=1.0):
     """Both channels (n, 2) of a wave that turns evenly and decays, with white noise and a line."""
     t = np.arange(0, LENGTH_S, 1 / SAMPLING_HZ)
     theta = angle + rate * t
     direction = np.stack([np.cos(2 * theta), np.sin(2 * theta)], axis=1)
-    wave = np.exp(-t / 20) * np.cos(2 * np.pi * FREQUENCY_HZ * t)
+    wave = size * np.exp(-t / 20) * np.cos(2 * np.pi * FREQUENCY_HZ * t)
     line = hum * np.cos(2 * np.pi * 993.0 * t)
     white = np.random.default_rng(noise_seed).standard_normal((len(t), 2))
     return wave[:, None] * direction + line[:, None] + noise * white
@@ -41,6 +41,8 @@ COPIES = {
     "six digits": lambda x: (np.round(x, 6), 0),
     "cut by whole windows": lambda x: (x, 8 * 162),
     "cut within a window": lambda x: (x, 4061),
+    "twice as large": lambda x: (2 * x, 0),
+    "in millivolts, cut, and turned over": lambda x: (-1000 * x, 8 * 162),
     "longer than the other": lambda x: (x[: len(x) // 2], 0),
 }
 
@@ -63,6 +65,11 @@ def test_runs_are_two_that_move_alike_with_noise_of_their_own():
 
 def test_runs_are_two_that_a_simulator_gave_the_same_noise():
     need_own_noise([waved(samples(angle, 5), str(angle)) for angle in (0.1, 0.6, 1.2)])
+
+
+def test_runs_are_two_that_differ_in_amplitude_and_not_in_noise():
+    """As a simulator's seed gives them, started alike."""
+    need_own_noise([waved(samples(0.3, 5, size=size), str(size)) for size in (1.0, 0.5, 1.1)])
 
 
 def test_a_line_in_all_runs_makes_no_copies():
