@@ -77,6 +77,7 @@ from .diagnosis.suspects import (
 from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
+from .mislabelled import find_mislabelled
 from .one_gyro import need_each_once, need_same_gyro
 from .shared_noise import need_own_noise
 from .usable import (
@@ -200,9 +201,10 @@ def _diagnose_usable(asked: Asked) -> Diagnosis:
         for w in asked.waves
         if w.status == "refused"
     ]
-    # A stuck column is no motion, nor is one that runs backwards: causes fitted to it would be
-    # blamed for it.
-    if stuck := unfit or find_stuck_columns(asked.waves) or find_backward_runs(asked.waves):
+    # A stuck column is no motion, nor is one that runs backwards, nor is a drive what nobody drove:
+    # causes fitted to it would be blamed for it.
+    plain = (find_stuck_columns, find_backward_runs, find_mislabelled)
+    if stuck := unfit or next(filter(None, (look_at(asked.waves) for look_at in plain)), []):
         try:
             base = fit_together(asked.waves, asked.fit)
         except HrgError as error:

@@ -2,8 +2,8 @@
 
 Of every run the rows' main amplitude and wave angle, less a polynomial along them, are noise; the
 cross-correlation of two runs' has a single peak where one is the other, exported again, rounded,
-cut or multiplied by a factor, and both columns share it. Runs that a simulator gave the same noise move otherwise, and lines
-that all recordings have make no single peak.
+cut or multiplied by a factor, and both columns share it. Runs that a simulator gave the same noise
+move otherwise, and lines that all recordings have make no single peak.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def tell_twins(
     strength2: float,
     least_count: tuple[float, float],
 ) -> tuple[str, ...]:
-    """A sentence where one channel is the other one, multiplied by a number.
+    r"""A sentence where one channel is the other one, multiplied by a number.
 
     With the correlation ρ of the channels' noise, the power that one has beside the other is
     2(1 − |ρ|) of it at least: nothing, or both roundings Σ q²/12σ².
@@ -66,7 +66,7 @@ def tell_twins(
     ...     tell_twins(run, correlation, np.array([1e-8, 4e-8]), 0.5, (0.0, 0.0))
     ...     for correlation in (0.9, -1.0)
     ... ]
-    >>> print(*told, sep="\\n")
+    >>> print(*told, sep="\n")
     ()
     ('channel S holds the samples of channel C, multiplied by -2, noise and all: ...',)
     """

@@ -183,6 +183,9 @@ THINKABLE_LATENESS = 4.0
 GROWN = 0.1
 """ln of a free run's growth from which nothing makes it but time that runs backwards or a drive:
 gains differ by a few hundredths from one wave angle to another, and noise by less."""
+FALLEN = 0.1
+"""ln of the fall of a run whose drive nobody logged from which its amplitude was not held: loops
+hold it to a few parts in a thousand, and a few hundredths of gain mismatch bend what is seen."""
 CONTRADICTION = 1e3
 """χ² per degree of freedom from which it is asked whether the runs are of one gyro."""
 
