@@ -17,6 +17,8 @@ Array = np.ndarray
 BRIDGED = 5
 """Windows without a rate, between two with one, over which it is bridged."""
 ROWS_AT_ONCE = 1 << 16
+NO_FINITE_VALUE = "holds no finite value"
+"""What the status of a run says of a log all of whose rows are NaN."""
 
 
 def find_stretches(wave: Wave) -> Array:
@@ -169,7 +171,10 @@ def describe_left_out(wave: Wave, inside: Array) -> str:
     outside = int(np.count_nonzero(~inside))
     if not outside:
         return ""
-    return (
-        f"{outside} of {len(wave)} windows of run {wave.run_id or '?'} lie outside its rate log and"
-        " are left out"
-    )
+    run = f"run {wave.run_id or '?'}"
+    empty = [
+        why for why in wave.status_reasons if why.startswith(f"the rate log {NO_FINITE_VALUE}")
+    ]
+    if empty:
+        return f"{run}: {empty[0]}"
+    return f"{outside} of {len(wave)} windows of {run} lie outside its rate log and are left out"

@@ -143,7 +143,8 @@ class StreamJudge:
                 f"{self.log.rows_outside} of {self.rows} windows lie outside the auxiliary log;"
                 " their temperature and rate are NaN"
             )
-        if self.log.courses and len(self.log.time_s) == 1:
+        notes += self.log.list_notes()
+        if self.log.columns and len(self.log.time_s) == 1:
             notes.append(
                 f"the auxiliary log has one row, at {self.log.time_s[0]:.4g} s, which is taken for"
                 " the whole run"
