@@ -32,7 +32,7 @@ from .identification.unknown_rate import identify_with_unknown_rate
 from .identification.unmodelled import doubt_beside_causes
 from .one_gyro import need_each_once, need_same_gyro
 from .shared_noise import need_own_noise
-from .usable import Usable, drop_refused, restrict_to_known_rates
+from .usable import Usable, drop_refused, name_apart, restrict_to_known_rates
 
 Array = np.ndarray
 ROWS_AT_ONCE = 1 << 16
@@ -180,6 +180,7 @@ def _cut_to_usable(
 ) -> Usable:
     """The windows that are free run-downs at a known rate, between its steps."""
     usable, whole = drop_refused(waves), method == "working-mode"
+    usable = replace(usable, waves=list(name_apart(usable.waves)))
     if window == "auto" and not whole:
         free = [part for wave in usable.waves for part in free_windows.cut_free_windows(wave)]
         usable = replace(usable, waves=free)

@@ -3,6 +3,7 @@ windows that their rate logs cover."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..errors import HrgError
+from ..errors import HrgError, name_some
 from ..fitting.envelopes.envelope_runs import MIN_ROWS
 from ..fitting.envelopes.wild_rows import flag_wild_rows
 from ..fitting.samples.rate_log import describe_left_out, find_stretches, restrict_to_log
@@ -86,6 +87,7 @@ def drop_refused(waves: Sequence[Wave]) -> Usable:
     ('the wave of run a is refused: it is clipped',)
     """
     kept, notes = _flag_wild([w for w in waves if w.status != "refused"])
+    notes = (*notes, *_tell_same_names(kept))
     bad = [w for w in waves if w.status == "refused"]
     if kept or not bad:
         said = (f"the wave of run {w.run_id or '?'} is refused and is left out" for w in bad)
@@ -93,6 +95,20 @@ def drop_refused(waves: Sequence[Wave]) -> Usable:
         return Usable(kept, notes, tuple(said), inherited=tuple(list_doubts(doubted)))
     why = (f"the wave of run {w.run_id or '?'} is refused: {explain_refusal(w)}" for w in bad)
     return Usable(list(waves), refusals=tuple(why))
+
+
+def _tell_same_names(waves: Sequence[Wave]) -> list[str]:
+    """A sentence where runs bear one name, by which nothing that is said of them tells them
+    apart."""
+    counts = Counter(wave.run_id for wave in waves if wave.run_id)
+    same = {name: count for name, count in counts.items() if count > 1}
+    if not same:
+        return []
+    said = name_some(f"{count} runs have the run_id {name!r}" for name, count in same.items())
+    return [
+        f"{said}, by which results name them: give each its own; where they are numbered, it is in"
+        " the order given"
+    ]
 
 
 def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usable:
