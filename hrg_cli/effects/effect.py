@@ -45,6 +45,8 @@ RELATIVE_TO_TEMPERATURE = "relative_1_k"
 """Name of the parameter by which an effect that `scales` a parameter does so, a part per kelvin."""
 INSTANT = "time_s"
 """Name of the parameter of every effect that happens at one instant."""
+IN_FREE_RUNS = "in_free_runs"
+"""Name of the parameter by which an effect of the drive acts without one, too: 1, else 0."""
 RUN, OF_EVERY_RUN = "run", -1.0
 """Name of the parameter of every effect that happens in one run of several, the runs' number from
 0, and its value for all of them."""

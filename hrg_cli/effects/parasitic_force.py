@@ -15,9 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..physics.plant import Control, SlowState
-from .effect import Array, Effect, Parameter, Runs, Values, find_frame
-
-ALWAYS = "in_free_runs"
+from .effect import IN_FREE_RUNS, Array, Effect, Parameter, Runs, Values, find_frame
 
 
 def _read_vector(p: Values) -> Array:
@@ -33,19 +31,19 @@ def _read_vector(p: Values) -> Array:
 def control(p: Values, control: Control) -> None:
     """f; in a free run beside a drive whose commands are replayed, and are nought."""
     control.parasitic_force = control.parasitic_force + _read_vector(p)
-    if p[ALWAYS] and not control.forced:
+    if p[IN_FREE_RUNS] and not control.forced:
         control.forced, control.log = True, np.zeros((1, 3))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """f e^{jφ} while the drive is on, or always."""
-    acting = np.where(p[ALWAYS], 1.0, state.forced)
+    acting = np.where(p[IN_FREE_RUNS], 1.0, state.forced)
     return _read_vector(p) * (acting * find_frame(u, state.phase_rad)[0])[..., None]
 
 
 def list_cases(_: Runs) -> Sequence[Values]:
     """With the drive alone, and always."""
-    return ({}, {ALWAYS: 1.0})
+    return ({}, {IN_FREE_RUNS: 1.0})
 
 
 EFFECT = Effect(
@@ -64,7 +62,7 @@ EFFECT = Effect(
             for part in ("in_phase", "quadrature")
             for channel in "cs"
         ),
-        Parameter(ALWAYS, "1", 0.0, "1: it pushes in free runs, too", fitted=False),
+        Parameter(IN_FREE_RUNS, "1", 0.0, "1: it pushes in free runs, too", fitted=False),
     ),
     mistaken_for=("coherent_offset", "drive_feedthrough"),
     next_experiment=(

@@ -237,7 +237,8 @@ def test_what_cannot_be_hidden_is_refused_in_words(effects, says, plain):
     [
         ({"thermal_gradient": {"frequency_s_k": 1e-7}}, "the run's temperature is constant"),
         ({"centrifugal_stiffness": {"coefficient": 20.0}}, "the run is at rest"),
-        ({"quadrature_drive_phase_error": {"phase_rad": 1e-2}}, "the run has no drive"),
+        ({"quadrature_drive_phase_error": {"phase_rad": 1e-2}}, r"the run has no drive\)"),
+        ({"parasitic_force": {"in_phase_c_1_s": 1e-3}}, "it acts with in_free_runs = 1"),
     ],
 )
 def test_what_an_effect_misses_in_a_still_run_is_named(effects, says):

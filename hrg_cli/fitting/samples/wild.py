@@ -111,11 +111,8 @@ def find_lonely(beyond: Array, calm: Array | None = None) -> Array:
 
 def _count_about(found: Array, places: Array) -> Array:
     """How many of some places, rising, are within `ABOUT` of each of others."""
-    last, first = (
-        np.searchsorted(found, places + step, side)
-        for step, side in ((ABOUT, "right"), (-ABOUT, "left"))
-    )
-    return np.asarray(last - first)
+    first = np.searchsorted(found, places - ABOUT, "left")
+    return np.asarray(np.searchsorted(found, places + ABOUT, "right") - first)
 
 
 def measure_tame(off: Array) -> float:

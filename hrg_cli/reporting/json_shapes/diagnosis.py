@@ -123,6 +123,8 @@ class Tested(Shape):
     """Part of it that no parameter of the base model imitates."""
     visible: bool
     """Whether these runs can show it."""
+    held: dict[str, float] = Field(default={})
+    """Its other parameters, where these runs show it with these values alone."""
     why_not: str | None = None
     """Why not."""
 

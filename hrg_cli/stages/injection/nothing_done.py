@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...effects.effect import INSTANT, Effect, Values
+from ...effects.effect import IN_FREE_RUNS, INSTANT, Effect, Values
 from ...records import Recording
 from .motion import Hidden
 
@@ -45,11 +45,10 @@ def _explain(recording: Recording, effect: Effect, p: Values) -> str:
     if INSTANT in p and not first < p[INSTANT] < last:
         return f"{INSTANT} = {p[INSTANT]:g} is not within the run, {first:g} to {last:g} s"
     if "drive" in effect.shown_by:
-        return (
-            "the run's drive is none that it acts on"
-            if _moves(recording, "drive_main") or _moves(recording, "drive_quadrature")
-            else "the run has no drive"
-        )
+        if _moves(recording, "drive_main") or _moves(recording, "drive_quadrature"):
+            return "the run's drive is none that it acts on"
+        without = f", without which it acts with {IN_FREE_RUNS} = 1" if IN_FREE_RUNS in p else ""
+        return f"the run has no drive{without}"
     of_temperature = effect.follows_temperature or "temperature" in effect.needs
     if of_temperature and np.ptp(_read_log(recording, "temperature_degc")) == 0:
         return "the run's temperature is constant"

@@ -118,6 +118,9 @@ def test_a_reference_that_leaks_onto_the_forcers_is_named_in_free_runs(forced):
     assert (
         tomllib.loads(diagnosis.extended_model)["effects"]["parasitic_force"]["in_free_runs"] == 1.0
     )
+    # what is asked of free runs is the force that needs no drive, and it says so
+    (row,) = (row for row in out["tested"] if row["name"] == "parasitic_force")
+    assert row.get("held") == (None if forced else {"in_free_runs": 1.0})
     sizes = np.array([p["value"] for p in out["effects"][0]["parameters"].values()])
     stds = np.array([p["std"] for p in out["effects"][0]["parameters"].values()])
     wanted = np.array([true.get(name, 0.0) for name in out["effects"][0]["parameters"]])

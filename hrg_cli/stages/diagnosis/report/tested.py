@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ....effects.effect import IN_FREE_RUNS
 from ....fitting.causes import evidence
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -43,6 +44,7 @@ def test_candidates(case: Case) -> list[dict[str, Any]]:
     by_name = {v.effect.name: v for v in candidates}
     found = {one.variant.effect.name for one in search.found}
     last = {s.name: s for s in search.last}
+    driven = bool(np.any(search.final.series.forced))
     out = []
     for score in search.first:
         later = last.get(score.name, score)
@@ -62,6 +64,8 @@ def test_candidates(case: Case) -> list[dict[str, Any]]:
             "independence": score.independence,
             "visible": score.visible,
         }
+        if score.visible and not driven and IN_FREE_RUNS in by_name[score.name].values:
+            row["held"] = {IN_FREE_RUNS: 1.0}
         if not score.visible:
             same = by_name[score.name].effect.same_as_base
             row["why_not"] = (
