@@ -213,8 +213,9 @@ def test_a_stage_loads_no_other_stage(tmp_path: Path) -> None:
     """A quiet `demodulate` loaded the simulation, the diagnosis and the rehearsal: half of its
     second on a short recording."""
     t = np.arange(8000) / 8000
-    c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
-    run = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    c, s = np.array([[1.0], [0.1]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    run = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")
     store.write(tmp_path / "run.h5", run)
     code = f"""
 import sys

@@ -101,8 +101,9 @@ def demodulate(
     >>> import numpy as np
     >>> from hrg_cli import Recording, collect, demodulate
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
-    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [0.1]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")
     >>> periods = collect(demodulate(recording, periods_per_window=20))
     >>> periods.signals.shape, round(periods.reference_frequency_hz, 2)
     ((50, 4), 1000.0)
@@ -226,8 +227,9 @@ def summarise(periods: Periods) -> dict[str, Any]:
     >>> from hrg_cli import Recording, collect, demodulate
     >>> from hrg_cli.stages.demodulate import summarise
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
-    >>> recording = Recording(c=c, s=0.1 * c, sample_rate_hz=8000.0, mode="free")
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [0.1]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")
     >>> found = summarise(collect(demodulate(recording, periods_per_window=20)))
     >>> found["windows"], round(found["duration_s"], 6), round(found["reference_frequency_hz"], 2)
     (50, 1.0, 1000.0)

@@ -98,8 +98,9 @@ def estimate(
     >>> import numpy as np
     >>> from hrg_cli import Recording, collect, demodulate, estimate
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
-    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
     >>> wave = collect(estimate(collect(demodulate(recording, periods_per_window=20))))
     >>> float(wave.main_amplitude[0].round(3)), float(np.degrees(wave.wave_angle_rad[0]).round(2))
     (1.414, 22.5)
@@ -199,8 +200,9 @@ def summarise(wave: Wave) -> dict[str, Any]:
     >>> from hrg_cli import Recording, collect, demodulate, estimate
     >>> from hrg_cli.stages.estimate import summarise
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
-    >>> recording = Recording(c=c, s=c, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
     >>> found = summarise(collect(estimate(collect(demodulate(recording, periods_per_window=20)))))
     >>> found["usable"], round(float(np.degrees(found["wave_angle_rad"]["last"])), 2)
     (50, 22.5)

@@ -378,7 +378,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "stages/demodulation/auxiliary_log.py": (
-        "tests/stages/test_demodulate.py tests/stages/demodulation/test_demodulate_uneven.py tests/test_bad_inputs.py",
+        "tests/stages/test_demodulate.py tests/stages/demodulation/test_demodulate_uneven.py tests/test_bad_inputs.py tests/stages/demodulation/test_demodulate_log_rows.py",
         (("series[outside] = np.nan", "pass"),),
     ),
     "stages/compensate.py": (
@@ -769,10 +769,49 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "fitting/samples/wild.py": (
         "tests/stages/demodulation/test_demodulate_wild.py",
         (
-            ("about <= MOST_TOGETHER", "about <= 10**9"),
+            ("_count_about(places, places) <= MOST_TOGETHER", "_count_about(places, places) <= 10**9"),
+            ("alone &= _count_about(", "_count_about("),
+            ("measure_tame(_drop_lonely(off))", "measure_tame(off)"),
             ("out[places - first] = np.nan", "pass"),
-            ("WILD = 1e3", "WILD = 1e9"),
+            ("WILD = 10.0", "WILD = 1e9"),
             ("raw * rate[k] + offset[k]", "raw"),
+        ),
+    ),
+    "fitting/samples/twin_channels.py": (
+        "tests/fitting/samples/test_twin_channels.py",
+        (
+            ("(share * NOISY > 1).any() or ", ""),
+            ("LEAST**2 * strength2", "0.0"),
+            ("own > max(EXACT, limit)", "own > EXACT"),
+        ),
+    ),
+    "fitting/samples/overflow.py": (
+        "tests/fitting/samples/test_overflow.py",
+        (
+            ("if abs(whole) > FAR * size:", "if True:"),
+            (" & within[2:] & within[1:-1] & within[:-2]", ""),
+            ("max(FEWEST, EXPLAINED * off)", "FEWEST"),
+        ),
+    ),
+    "fitting/envelopes/amplitude_course.py": (
+        "tests/stages/diagnosis/suspects/test_backward_runs.py tests/stages/test_mislabelled.py",
+        (
+            ("return all(_measure_rate", "return any(_measure_rate"),
+            ("bool(np.any(np.nan_to_num(part.drive_main)))", "False"),
+        ),
+    ),
+    "fitting/envelopes/growing.py": (
+        "tests/stages/diagnosis/suspects/test_backward_runs.py",
+        (
+            ("        and course.change > least\n", ""),
+            ("        and usual / ALIKE < rate < ALIKE * usual\n", ""),
+        ),
+    ),
+    "stages/shared_noise.py": (
+        "tests/stages/test_shared_noise.py",
+        (
+            ("abs(np.log(one.std[0] / other.std[0] / factor)) > abs(np.log(factor)) / 2", "False"),
+            ("a - factor * b", "a - b"),
         ),
     ),
     "fitting/envelopes/wild_rows.py": (

@@ -98,8 +98,8 @@ def find_run_down(recording: Recording, survey: Survey) -> RunDown | None:
     >>> from hrg_cli.fitting.samples.survey import survey
     >>> t = np.arange(80_000) / 8000
     >>> c = np.where(t > 1, np.exp(-(t - 1) / 3), 0) * np.cos(2 * np.pi * 1234 * t)
-    >>> c = c + 1e-4 * np.random.default_rng(0).standard_normal(80_000)
-    >>> run = Recording(c=c, s=0.5 * c, sample_rate_hz=8000.0, mode="free")
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 80_000))
+    >>> run = Recording(c=c + noise[0], s=0.5 * c + noise[1], sample_rate_hz=8000.0, mode="free")
     >>> found = find_run_down(run, survey(run, "run"))
     >>> 1.0 < found.begin_s < 1.1, found.end_s
     (True, inf)

@@ -79,7 +79,7 @@ def tell_twins(
         ]
     )
     share = rounding2 / noise2
-    own = 2 * (1 - abs(correlation))
+    own = 2 * max(1 - abs(correlation), 0.0)
     limit = 2 * float(share.sum()) if share.sum() < ROUNDED else 0.0
     if (share * NOISY > 1).any() or own > max(EXACT, limit):
         return ()

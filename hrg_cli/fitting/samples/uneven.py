@@ -52,8 +52,9 @@ def make_uneven_rows(run: Demodulator, block_samples: int) -> Iterator[Rows]:
     >>> from hrg_cli.fitting.samples.uneven import make_uneven_rows
     >>> t = np.arange(60_000) / 20e3
     >>> t = t[(t < 1) | (t > 1.5)]
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-3 * np.random.default_rng(0).standard_normal(len(t))
-    >>> one = Recording(c=c, s=0.5 * c, time_s=t, mode="free")
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal((2, len(t)))
+    >>> c, s = np.array([[1.0], [0.5]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> one = Recording(c=c, s=s, time_s=t, mode="free")
     >>> run = Demodulator(one, survey(one, "run"), "run", 5.0, None)
     >>> flags = np.concatenate([block["flags"] for block in make_uneven_rows(run, 1 << 16)])
     >>> run.gaps.count, round(run.gaps.total_s, 3), int(np.count_nonzero(flags & 2))

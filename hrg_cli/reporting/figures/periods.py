@@ -41,9 +41,10 @@ def plot_periods(record: Periods) -> list[Plot]:
     >>> from hrg_cli import Recording, collect, demodulate
     >>> from hrg_cli.reporting.figures.periods import plot_periods
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
     >>> made = collect(
-    ...     demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
+    ...     demodulate(Recording(c=c, s=s, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
     ... )
     >>> len(plot_periods(made))
     2
@@ -124,9 +125,10 @@ def plot_residual_spectrum(record: Periods | Wave) -> Plot:
     >>> from hrg_cli import Recording, collect, demodulate
     >>> from hrg_cli.reporting.figures.periods import plot_residual_spectrum
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
     >>> made = collect(
-    ...     demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
+    ...     demodulate(Recording(c=c, s=s, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
     ... )
     >>> plot_residual_spectrum(made).words[:40]
     'Residual amplitude density from 0 to ...

@@ -69,9 +69,10 @@ def plot_wave(record: Wave, truth: Recording | None, spectrum: bool = True) -> l
     >>> from hrg_cli import Recording, collect, demodulate, estimate
     >>> from hrg_cli.reporting.figures.wave import plot_wave
     >>> t = np.arange(8000) / 8000
-    >>> c = np.cos(2 * np.pi * 1000 * t) + 1e-4 * np.random.default_rng(0).standard_normal(8000)
+    >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
+    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
     >>> made = collect(
-    ...     demodulate(Recording(c=c, s=c, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
+    ...     demodulate(Recording(c=c, s=s, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
     ... )
     >>> len(plot_wave(collect(estimate(made)), None))
     3

@@ -8,9 +8,8 @@ import numpy as np
 
 from ...errors import name_some
 from ...fitting.tables.increments import AnglePath
+from ..mislabelled import HIGHEST_Q
 
-HIGHEST_Q = 1e8
-"""Quality factor that no gyro exceeds by much: the best fused silica has 1e7 to 1e8."""
 PART = 0.1
 """Of a run's length, over which its first and its last amplitude are averaged."""
 

@@ -48,8 +48,9 @@ def write_block(
     >>> from hrg_cli import Recording, collect, demodulate
     >>> from hrg_cli.stages.estimation.wave_block import write_block
     >>> t = np.arange(4000) / 1e4
-    >>> c = np.cos(2e3 * np.pi * t) + 1e-3 * np.random.default_rng(0).standard_normal(4000)
-    >>> block = collect(demodulate(Recording(c=c, s=0.5 * c, sample_rate_hz=1e4, mode="free")))
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal((2, 4000))
+    >>> c, s = np.array([[1.0], [0.5]]) * np.cos(2e3 * np.pi * t) + noise
+    >>> block = collect(demodulate(Recording(c=c, s=s, sample_rate_hz=1e4, mode="free")))
     >>> n = len(block)
     >>> x = np.tile([1.0, 0.0, 0.4, 0.0, 0.0], (n, 1))
     >>> wave = write_block(block, x, np.zeros(n), np.ones(n, int), True)
