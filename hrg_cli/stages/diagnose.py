@@ -70,6 +70,7 @@ from .diagnosis.suspects import (
     Suspicion,
     find_backward_runs,
     find_stuck_columns,
+    find_twin_channels,
     suspect_plain_run,
     suspect_quiet_run,
     suspect_runs,
@@ -203,7 +204,7 @@ def _diagnose_usable(asked: Asked) -> Diagnosis:
     ]
     # A stuck column is no motion, nor is one that runs backwards, nor is a drive what nobody drove:
     # causes fitted to it would be blamed for it.
-    plain = (find_stuck_columns, find_backward_runs, find_mislabelled)
+    plain = (find_stuck_columns, find_twin_channels, find_backward_runs, find_mislabelled)
     if stuck := unfit or next(filter(None, (look_at(asked.waves) for look_at in plain)), []):
         try:
             base = fit_together(asked.waves, asked.fit)

@@ -204,10 +204,8 @@ class FrequencyCourse:
             line_hz=line_hz,
             line_amplitude=line_amplitude,
             line_ratio=line_ratio,
-            suspect=self.dead + self.found.suspect,
-            refused=(
-                _refuse_noise(self.found) + twins + self._tell_overflow(recording, least_count)
-            ),
+            suspect=self.dead + self.found.suspect + twins,
+            refused=_refuse_noise(self.found) + self._tell_overflow(recording, least_count),
             least_count=least_count,
             noise_correlation=common,
         )

@@ -180,6 +180,9 @@ PLAUSIBLE_DEGC = 200.0
 """Distance from the other runs' temperatures that a run may have had."""
 THINKABLE_LATENESS = 4.0
 """Standard deviations beforehand beyond which a lateness must leave nothing but noise to be one."""
+ONE_NOISE = 0.999
+"""Correlation of the channels' noise from which they are one: what two pick-offs' electronics have
+in common leaves each a twentieth of noise of its own at least."""
 GROWN = 0.1
 """ln of a free run's growth from which nothing makes it but time that runs backwards or a drive:
 gains differ by a few hundredths from one wave angle to another, and noise by less."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from ...suspicion import Suspicion
 from .backwards import find_backward_runs
 from .quiet import QuietMistake, suspect_plain_run, suspect_quiet_run
-from .repeats import find_stuck_columns
+from .repeats import find_stuck_columns, find_twin_channels
 from .search import suspect_runs
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Suspicion",
     "find_backward_runs",
     "find_stuck_columns",
+    "find_twin_channels",
     "suspect_plain_run",
     "suspect_quiet_run",
     "suspect_runs",
