@@ -78,6 +78,6 @@ def find_growing(waves: Sequence[Wave], least: float) -> list[Growing]:
         for run, (course, rate) in enumerate(zip(courses, rates, strict=True))
         if course is not None
         and course.change > least
-        and usual / ALIKE < rate < ALIKE * usual
+        and rate < ALIKE * usual
         and course.changes_throughout(usual / ALIKE)
     ]

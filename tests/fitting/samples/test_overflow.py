@@ -61,13 +61,23 @@ TORN[::977] ^= 1 << 6
     [
         (codes(127, noise=0.0), 0.7539),
         (np.clip(codes(200), -128, 127), 0.7539),
-        (np.clip(codes(4000, turn=0.0501), -128, 127), 0.0501),
+        (np.clip(codes(4e7, turn=0.0501), -128, 127), 0.0501),
         (np.clip(codes(200, turn=np.pi / 2), -128, 127), np.pi / 2),
         (codes(3), 0.7539),
-        (codes(40, noise=20.0), 0.7539),
+        (codes(30, turn=0.0501, noise=0.1), 0.0501),
+        (codes(50, noise=20.0), 0.7539),
         (TORN, 0.7539),
     ],
-    ids=["full", "clipped", "square", "clipped at four", "three codes", "noise", "torn"],
+    ids=[
+        "full",
+        "clipped",
+        "square",
+        "clipped at four",
+        "three codes",
+        "few codes",
+        "noise",
+        "torn",
+    ],
 )
 def test_what_is_no_overflow(c, turn):
     assert "overflows" not in judged(c, "i2", turn=turn)[1]

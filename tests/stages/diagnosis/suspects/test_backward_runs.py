@@ -52,9 +52,10 @@ def test_it_is_named_by_both_commands():
         lambda: [run(place, damping_1_s=0.02, backwards=place == 1) for place in range(3)],
         lambda: [run(0), run(1, course=lambda t: np.where(t < 1, 0.3, np.exp(1 - t))), run(2)],
         lambda: [run(0), run(1, course=lambda t: 0.7 + 0.08 * t), run(2)],
+        lambda: [run(0), run(1, course=lambda t: np.exp(2 * t - 4)), run(2)],
         lambda: [run(place, backwards=True) for place in range(3)],
     ],
-    ids=["hardly falls", "struck half-way", "another rate", "nothing tells"],
+    ids=["hardly falls", "struck half-way", "slower", "faster", "nothing tells"],
 )
 def test_what_is_none(waves):
     assert find_backward_runs(waves()) == []
