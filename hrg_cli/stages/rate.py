@@ -16,7 +16,7 @@ from ..errors import HrgError
 from ..fitting import checks
 from ..fitting.checks import Check
 from ..fitting.envelopes.rate_driven import fit_driven_rate
-from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate
+from ..fitting.envelopes.rate_estimate import MOST_NODES, RateEstimate, integrate_cardinals
 from ..fitting.envelopes.rate_fit import HOPELESS, SETTLED
 from ..fitting.envelopes.rate_from_model import TOO_COARSE, fit_free_rate
 from ..fitting.samples.rate_log import describe_left_out, find_stretches
@@ -509,10 +509,14 @@ def _subtract_log(estimate: Array, wave: Wave, stretch: Array, time_s: Array) ->
 
 def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> dict[str, Any]:
     """Mean rate and angle turned with their errors, the plain estimate's, their difference (the
-    drift), and what either leaves of the logged rate (`before`, `after`)."""
-    covariance, count = found.covariance, len(found.time_s)
+    drift), and what either leaves of the logged rate (`before`, `after`).
+
+    A mean is that over time, what was turned over how long it took: of all nodes alike the first
+    and the last would count twice."""
+    count = len(found.time_s)
     distance = float(found.time_s[1] - found.time_s[0])
     angle, angle_std = found.integrate()
+    weights = integrate_cardinals(found.time_s, found.time_s[-1:])[:, 0] / np.ptp(found.time_s)
     apart = found.plain_rate_rad_s - found.rate_rad_s
     figures: dict[str, Any] = {
         "nodes": count,
@@ -520,15 +524,15 @@ def _figures(found: RateEstimate, before: Array | None, after: Array | None) -> 
         "bandwidth_hz": 1 / (2 * distance),
         "chi2_per_dof": found.chi2_per_dof,
         "mean_rate_rad_s": {
-            "value": float(found.rate_rad_s.mean()),
-            "std": float(np.sqrt(covariance.sum()) / count),
+            "value": float(weights @ found.rate_rad_s),
+            "std": float(angle_std[-1] / np.ptp(found.time_s)),
         },
         "median_std_rad_s": float(np.median(found.rate_rad_s_std)),
         "turned_rad": {"value": float(angle[-1]), "std": float(angle_std[-1])},
         "plain_rate": {
             "equation": "-m*dtheta/dt/K",
-            "mean_rad_s": float(found.plain_rate_rad_s.mean()),
-            "difference_mean_rad_s": float(apart.mean()),
+            "mean_rad_s": float(weights @ found.plain_rate_rad_s),
+            "difference_mean_rad_s": float(weights @ apart),
             "difference_rms_rad_s": float(np.sqrt(np.mean(apart**2))),
         },
     }

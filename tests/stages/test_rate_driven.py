@@ -160,3 +160,21 @@ def test_the_tables_rate_stands_beside_the_models():
     beside = rate(noted, resonator(**split), trusted)
     assert beside.status == rate(noted, resonator(**split)).status == "valid"
     assert any("not white" in reason for reason in beside.status_reasons)
+
+
+@pytest.mark.parametrize("mode", ["free", "forced"])
+def test_the_mean_of_a_rate_that_changes_is_over_time(mode):
+    """A plain mean over the nodes, of which the first and the last stand for half as long as the others,
+    was 200 to 350 σ off where the rate swings."""
+    swing = dict(kind="sine", amplitude_rad_s=0.1, frequency_hz=0.08)
+    wave = wave_of(dict(mode=mode), seconds=10.0, environment=dict(rate_rad_s=0.2, rate=swing))
+    found = rate(wave, resonator())
+    figures = summarise(found)
+    time_s = np.asarray(found.time_s)
+    begin, end = time_s[0], time_s[-1]
+    # of 0.2 + 0.1 sin 2πft
+    angular = 2 * np.pi * 0.08
+    turned = 0.2 * (end - begin) + 0.1 * (np.cos(angular * begin) - np.cos(angular * end)) / angular
+    mean = figures["mean_rate_rad_s"]
+    assert abs(mean["value"] - turned / (end - begin)) < 4 * mean["std"]
+    assert mean["std"] < 0.1 * abs(np.mean(found.rate_estimate_rad_s) - turned / (end - begin))

@@ -4,8 +4,8 @@ A harmonic that held-out data cannot prove may still be larger than the stated e
 kept. Each harmonic g of 2mθ gets a Gaussian prior c_g ~ N(0, τ_g² R) with an unknown scale τ_g; the
 mean and covariance over τ_g (Gibbs sampling on a grid, each step's mixture summed exactly) are the
 table's. A clear harmonic is left as it is, an absent one is put to nearly zero, one in doubt keeps
-its doubt in the covariance: of what two linear defects make of a drift no less than its chance
-before the data.
+its doubt in the covariance: of what two linear defects make no less than its chance before the
+data.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ of them or a cubic term the second, more are needed above. A scale factor there 
 Read-outs have some mismatch as a rule; absent harmonics within the sizes above are refuted by clean
 data whatever the odds."""
 OF_TWO_FAULTS = 2
-"""Highest harmonic of a drift that two linear defects make: gyros have it as a rule, if small."""
+"""Highest harmonic that two linear defects make: gyros have it as a rule, if small."""
 PLAIN = 2
-"""Place, among absent and the drift's sizes, of the first that data see rather than the prior."""
+"""Place, among absent and the sizes, of the first that data see rather than the prior."""
 UNSEEN = 1e-12
 """Information that directions have which no data see, over that of one coefficient by itself."""
 SWEEPS, BURN_IN = 16, 4
@@ -117,7 +117,7 @@ def find_doubtful_harmonics(
             own = np.arange(max(2 * k - 1, 0), 2 * k + 1)
             places = np.array([part(j).start + own for j in range(len(layout.nodes))])
             odds = ABSENT_TO_PRESENT[kind][min(k, 3)]
-            chance = 1 / (1 + odds) if drift and k <= OF_TWO_FAULTS else 0.0
+            chance = 1 / (1 + odds) if k <= OF_TWO_FAULTS else 0.0
             out.append(Doubtful(places, odds, sizes, drift, chance))
     return out
 
@@ -263,7 +263,7 @@ def _about(mean: Array, moments: Sequence[_Moments], own: Array) -> Array:
     """Second moment about a mean of a harmonic that is there, and of a size that data see.
 
     How many decades its size might lie in counts against a harmonic that is hardly seen, and is no
-    evidence: a drift has no natural size. What was there by a chance before data that do not tell
+    evidence. What was there by a chance before data that do not tell
     is so behind them; with the odds of the decades it was 0 within a tenth of what they exclude.
     """
     first = np.mean([one[own] for one, _ in moments], axis=0)

@@ -13,7 +13,6 @@ from ...fitting.tables.increments import AnglePath, build_path
 from ...records import Calibration, Resonator, Wave
 from ...units import KELVIN_DEGC
 from ..kelvin_logs import average_log, find_kelvin_logs
-from ..mislabelled import find_mislabelled
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
 from ..shared_noise import need_own_noise
 from ..usable import Usable, drop_refused, restrict_to_known_rates
@@ -150,7 +149,6 @@ def prepare(
         refusals=[
             *usable.refusals,
             *_refuse_two_gyros(paths),
-            *(one.sentence for one in find_mislabelled(usable.waves)),
             *kelvin,
             *(f.sentence for f in findings if f.refuses),
         ],
