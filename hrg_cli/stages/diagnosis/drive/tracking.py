@@ -6,6 +6,7 @@ when the course begins is another question, and answered in three ways.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -170,14 +171,20 @@ def compute_unfollowed(
         grid = np.linspace(t[good][0], t[good][-1], FINER * int(np.count_nonzero(good)))
         whole = _begin(np.interp(grid, t[good], course[k][good]), beginning)
         for loop, natural in enumerate(natural_rad_s):
-            rule = signal.bilinear(
-                [-1.0, 0.0, 0.0],
-                [1.0, 2 * DAMPING * natural, natural**2],
-                1 / (grid[1] - grid[0]),
-            )
+            rule = _make_rule(float(natural), float(grid[1] - grid[0]))
             left = signal.lfilter(*rule, whole)[-len(grid) :]
             out[k, :, loop] = np.interp(t, grid, left)
     return out
+
+
+@lru_cache(maxsize=1 << 12)
+def _make_rule(natural_rad_s: float, step_s: float) -> tuple[Array, Array]:
+    """The bilinear rule of what a loop leaves; every fit of a search asks for the same loops."""
+    from scipy import signal
+
+    loop = [1.0, 2 * DAMPING * natural_rad_s, natural_rad_s**2]
+    numerator, denominator = signal.bilinear([-1.0, 0.0, 0.0], loop, 1 / step_s)
+    return np.asarray(numerator), np.asarray(denominator)
 
 
 def _begin(values: Array, beginning: Beginning) -> Array:
