@@ -194,11 +194,12 @@ def average_over_doubt(
             own = groups[n].ravel()
             covariance = invert_without(n)
             mean, gain = covariance @ b, covariance[:, own]
-            weights, steps = _weigh_sizes(mean, gain, own, grids[n], priors[n], doubtful[n].odds)
+            weights, plain, steps = _weigh_sizes(
+                mean, gain, own, grids[n], priors[n], doubtful[n].odds
+            )
             if sweep >= BURN_IN:
                 passes[n].append(_sum_mixture(mean - flat, covariance, weights, steps))
-                plain = np.where(np.arange(len(weights)) < PLAIN, 0.0, weights)
-                seen[n].append(_sum_mixture(mean - flat, covariance, plain / plain.sum(), steps))
+                seen[n].append(_sum_mixture(mean - flat, covariance, plain, steps))
             scale[n] = int(generator.choice(len(weights), p=weights))
     away, spread = _combine(passes, seen, doubtful)
     return TableSolution(flat + away, spread, float(np.trace(spread @ A)))
@@ -263,8 +264,8 @@ def _about(mean: Array, moments: Sequence[_Moments], own: Array) -> Array:
     """Second moment about a mean of a harmonic that is there, and of a size that data see.
 
     How many decades its size might lie in counts against a harmonic that is hardly seen, and is no
-    evidence. What was there by a chance before data that do not tell
-    is so behind them; with the odds of the decades it was 0 within a tenth of what they exclude.
+    evidence. What was there by a chance before data that do not tell is so behind them; with the
+    odds of the decades it was 0 within a tenth of what they exclude.
     """
     first = np.mean([one[own] for one, _ in moments], axis=0)
     second = np.mean([two[np.ix_(own, own)] for _, two in moments], axis=0)
@@ -284,9 +285,9 @@ def _prior_variances(A: Array, flat: Array, own: Array, harmonic: Doubtful) -> A
 
 def _weigh_sizes(
     mean: Array, gain: Array, own: Array, variances: Array, prior: Array, odds: float
-) -> tuple[Array, list[Array]]:
-    """Posterior weights of a harmonic's prior variances, and each one's whitened step from the mean
-    without any prior on it.
+) -> tuple[Array, Array, list[Array]]:
+    """Posterior weights of a harmonic's prior variances, of those alone that data see, and each
+    one's whitened step from the mean without any prior on it.
 
     The marginal likelihood of variance v is that of the harmonic's own mean, N(0, C + vP): C its
     covariance without the prior, P the prior's shape.
@@ -301,5 +302,13 @@ def _weigh_sizes(
         steps.append(whitened)
     before = np.full(len(variances), 1 / (len(variances) - 1))
     before[0] = odds
-    weights = before * np.exp(np.array(logs) - max(logs))
-    return weights / weights.sum(), steps
+    plain = np.where(np.arange(len(variances)) < PLAIN, 0.0, before)
+    return _weigh(before, np.array(logs)), _weigh(plain, np.array(logs)), steps
+
+
+def _weigh(before: Array, logs: Array) -> Array:
+    """Weights of logarithms of likelihoods, of those that have a chance before the data."""
+    there = before > 0
+    weights = np.zeros_like(before)
+    weights[there] = before[there] * np.exp(logs[there] - logs[there].max())
+    return np.asarray(weights / weights.sum())

@@ -90,6 +90,19 @@ def test_a_harmonic_of_any_size_is_within_its_error(nodes, order, size):
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 2.1
 
 
+def test_many_nodes_of_precise_data_leave_finite_errors():
+    """Sixty nodes, each known to 1e-9 of K: that K's harmonics have one of their usual sizes there is less
+    likely than any number is small."""
+    layout = TableLayout(np.linspace(-40, 80, 60), "temperature", 2, 0, 1)
+    information = np.eye(layout.size) / (1e-9 * 0.55) ** 2
+    truth = np.zeros(layout.size)
+    truth[[layout.scale(node).start for node in range(60)]] = 0.55
+    doubtful = find_doubtful_harmonics(layout, ["scale"], 0.55)
+    found = average_over_doubt(information, information @ truth, doubtful, 0)
+    assert np.all(np.isfinite(found.coefficients)) and np.all(np.isfinite(found.covariance))
+    assert np.sqrt(np.diag(found.covariance)).max() < 2e-9
+
+
 @pytest.mark.parametrize("noise", [5e-5, pytest.param(1.5e-3, marks=pytest.mark.slow)])
 def test_the_error_is_honest_whatever_the_noise(noise):
     square = {"drift": [], "scale": []}
