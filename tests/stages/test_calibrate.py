@@ -63,7 +63,11 @@ def test_errors_at_unseen_points_are_as_stated(walk):
     ("walk", "settings"), [(0.0, FIXED), (1e-11, FIXED), (0.0, {"bootstrap": 0})]
 )
 def test_coverage_over_many_gyros(walk, settings, gyro):
-    """Limits given, and chosen by the stage; all four harmonics there, and most of them absent."""
+    """Limits given, and chosen by the stage; all four harmonics there, and most of them absent.
+
+    Of harmonics that are absent, and whose limit nobody gives, σ holds the chance that they are there:
+    the runs know K's to a tenth of what they know its mean to, and σ is as much wider."""
+    in_doubt = settings is not FIXED and gyro is even_scale_factor
     errors = [
         normalised_errors(s, duration=30.0, walk=walk, settings=settings, gyro=gyro)
         for s in range(30)
@@ -71,7 +75,8 @@ def test_coverage_over_many_gyros(walk, settings, gyro):
     for z in (np.concatenate(z) for z in zip(*errors)):
         assert np.sqrt(np.mean(z**2)) < 1.2
         # thirty gyros with some 25 coefficients each tell a coverage to 0.9 %
-        assert 0.93 - 0.009 <= np.mean(np.abs(z) < 1.96) <= 0.97 + 0.009
+        most = 1.0 if in_doubt else 0.97 + 0.009
+        assert 0.93 - 0.009 <= np.mean(np.abs(z) < 1.96) <= most
 
 
 def test_a_wave_that_stands_shows_no_course_over_its_own_noise():
