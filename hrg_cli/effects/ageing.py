@@ -13,10 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from ..physics.resonator import Mechanics, split_matrix
+from ..physics.resonator import Mechanics
+from .bent_laws import make_bend, read_split
 from .effect import Array, Effect, Parameter, Runs, Values, size_bend
 
 SINCE_FIRST = "since_first_run"
+SLOPE = ("split_cos_1_s2", "split_sin_1_s2")
+"""Names of the slope's components."""
 BEND = ("split_cos_1_s3", "split_sin_1_s3")
 """Names of the components of the split's bend."""
 
@@ -26,14 +29,14 @@ def plant(p: Values, plant: Plant, env: Environment) -> None:
     t = env.time_s + p[SINCE_FIRST] * env.begun_s
     plant.stiffness = plant.retune_stiffness(p["frequency_1_s"] * t)
     t = t[:, None, None]
-    plant.damping = plant.damping + t * (_slope(p) + t * _bend(p))
+    plant.damping = plant.damping + t * (read_split(p, SLOPE) + t * read_split(p, BEND))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """t (jω α_t − m_c R(0) − m_s R(π/2)) u − t² (e_c R(0) + e_s R(π/2)) u."""
     t = np.asarray(state.time_s + p[SINCE_FIRST] * state.begun_s)[..., None]
     pulled = 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u
-    return t * (pulled - u @ _slope(p) - t * (u @ _bend(p)))
+    return t * (pulled - u @ read_split(p, SLOPE) - t * (u @ read_split(p, BEND)))
 
 
 def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
@@ -41,15 +44,7 @@ def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
     aω^½ stays."""
     t = np.asarray(state.time_s + p[SINCE_FIRST] * state.begun_s)[..., None]
     pulled = 1j * state.mechanics.omega_rad_s * p["frequency_1_s"] * u
-    return pulled - u @ _slope(p) - 2 * t * (u @ _bend(p))
-
-
-def _slope(p: Values) -> Array:
-    return split_matrix(p["split_cos_1_s2"], p["split_sin_1_s2"])
-
-
-def _bend(p: Values) -> Array:
-    return split_matrix(p.get(BEND[0], 0.0), p.get(BEND[1], 0.0))
+    return pulled - u @ read_split(p, SLOPE) - 2 * t * (u @ read_split(p, BEND))
 
 
 def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
@@ -76,7 +71,7 @@ def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
     >>> size_next_order({"split_cos_1_s2": 0.0, "split_sin_1_s2": 0.01}, gyro)
     {'split_cos_1_s3': 0.0005, 'split_sin_1_s3': 0.0005}
     """
-    slope = float(np.hypot(p["split_cos_1_s2"], p["split_sin_1_s2"]))
+    slope = float(np.hypot(p[SLOPE[0]], p[SLOPE[1]]))
     return dict.fromkeys(BEND, size_bend(slope, mechanics.damping_split_1_s))
 
 
@@ -111,24 +106,10 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(
         Parameter("frequency_1_s", "s-1", 1e-7, "relative drift of the frequency per second"),
-        Parameter("split_cos_1_s2", "s-2", 5e-4, "drift of νδμ cos 2mθ_μ per second"),
-        Parameter("split_sin_1_s2", "s-2", 5e-4, "drift of νδμ sin 2mθ_μ per second"),
-        Parameter(
-            BEND[0],
-            "s-3",
-            1e-5,
-            "bend of νδμ cos 2mθ_μ per second squared",
-            fitted=False,
-            higher_order=True,
-        ),
-        Parameter(
-            BEND[1],
-            "s-3",
-            1e-5,
-            "bend of νδμ sin 2mθ_μ per second squared",
-            fitted=False,
-            higher_order=True,
-        ),
+        Parameter(SLOPE[0], "s-2", 5e-4, "drift of νδμ cos 2mθ_μ per second"),
+        Parameter(SLOPE[1], "s-2", 5e-4, "drift of νδμ sin 2mθ_μ per second"),
+        make_bend(BEND[0], "s-3", 1e-5, "bend of νδμ cos 2mθ_μ per second squared"),
+        make_bend(BEND[1], "s-3", 1e-5, "bend of νδμ sin 2mθ_μ per second squared"),
         Parameter(
             SINCE_FIRST,
             "1",

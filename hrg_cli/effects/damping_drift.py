@@ -12,6 +12,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import Mechanics
+from .bent_laws import make_bend
 from .effect import Array, Effect, Parameter, Values, size_bend
 
 BEND = "bend_1_s3"
@@ -63,14 +64,7 @@ EFFECT = Effect(
     page=__doc__,
     parameters=(
         Parameter("slope_1_s2", "s-2", 1e-3, "change of ν per second"),
-        Parameter(
-            BEND,
-            "s-3",
-            1e-4,
-            "bend of ν per second squared",
-            fitted=False,
-            higher_order=True,
-        ),
+        make_bend(BEND, "s-3", 1e-4, "bend of ν per second squared"),
     ),
     mistaken_for=("nonlinear_damping", "thermal_damping"),
     next_experiment=(

@@ -14,7 +14,8 @@ temperatures, at rates of both signs.
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from ..physics.resonator import Mechanics, split_matrix
+from ..physics.resonator import Mechanics
+from .bent_laws import make_bend, read_split
 from .effect import (
     REFERENCE_TEMPERATURE,
     Array,
@@ -25,6 +26,8 @@ from .effect import (
     size_bend,
 )
 
+SLOPE = ("cos_1_s_k", "sin_1_s_k")
+"""Names of the slope's components."""
 BEND = ("cos_1_s_k2", "sin_1_s_k2")
 """Names of the bend's components."""
 
@@ -32,21 +35,13 @@ BEND = ("cos_1_s_k2", "sin_1_s_k2")
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """N += ΔT (d_c R(0) + d_s R(π/2)) + ΔT² (e_c R(0) + e_s R(π/2))."""
     warmer = (env.temperature_degc - p[REFERENCE_TEMPERATURE])[:, None, None]
-    plant.damping = plant.damping + warmer * (_slope(p) + warmer * _bend(p))
+    plant.damping = plant.damping + warmer * (read_split(p, SLOPE) + warmer * read_split(p, BEND))
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """−ΔT (d_c R(0) + d_s R(π/2)) u − ΔT² (e_c R(0) + e_s R(π/2)) u."""
     warmer = (state.temperature_degc - p[REFERENCE_TEMPERATURE])[..., None]
-    return -warmer * (u @ _slope(p) + warmer * (u @ _bend(p)))
-
-
-def _slope(p: Values) -> Array:
-    return split_matrix(p["cos_1_s_k"], p["sin_1_s_k"])
-
-
-def _bend(p: Values) -> Array:
-    return split_matrix(p.get(BEND[0], 0.0), p.get(BEND[1], 0.0))
+    return -warmer * (u @ read_split(p, SLOPE) + warmer * (u @ read_split(p, BEND)))
 
 
 def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
@@ -72,7 +67,7 @@ def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
     >>> size_next_order({"cos_1_s_k": 0.0, "sin_1_s_k": 0.01}, gyro)
     {'cos_1_s_k2': 0.0005, 'sin_1_s_k2': 0.0005}
     """
-    slope = float(np.hypot(p["cos_1_s_k"], p["sin_1_s_k"]))
+    slope = float(np.hypot(p[SLOPE[0]], p[SLOPE[1]]))
     return dict.fromkeys(BEND, size_bend(slope, mechanics.damping_split_1_s))
 
 
@@ -82,24 +77,10 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("cos_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ cos 2mθ_μ"),
-        Parameter("sin_1_s_k", "s-1 K-1", 1e-4, "slope of νδμ sin 2mθ_μ"),
-        Parameter(
-            BEND[0],
-            "s-1 K-2",
-            1e-6,
-            "bend of νδμ cos 2mθ_μ per kelvin squared",
-            fitted=False,
-            higher_order=True,
-        ),
-        Parameter(
-            BEND[1],
-            "s-1 K-2",
-            1e-6,
-            "bend of νδμ sin 2mθ_μ per kelvin squared",
-            fitted=False,
-            higher_order=True,
-        ),
+        Parameter(SLOPE[0], "s-1 K-1", 1e-4, "slope of νδμ cos 2mθ_μ"),
+        Parameter(SLOPE[1], "s-1 K-1", 1e-4, "slope of νδμ sin 2mθ_μ"),
+        make_bend(BEND[0], "s-1 K-2", 1e-6, "bend of νδμ cos 2mθ_μ per kelvin squared"),
+        make_bend(BEND[1], "s-1 K-2", 1e-6, "bend of νδμ sin 2mθ_μ per kelvin squared"),
         make_reference_temperature(),
     ),
     mistaken_for=("mismatch_temperature", "thermal_damping"),

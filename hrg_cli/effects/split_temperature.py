@@ -11,9 +11,12 @@ temperature, ageing. What separates it: ring-downs at several temperatures.
 import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
-from ..physics.resonator import Mechanics, split_matrix
+from ..physics.resonator import Mechanics
+from .bent_laws import make_bend, read_split
 from .effect import Array, Effect, Parameter, Values, make_reference_temperature, size_bend
 
+SLOPE = ("cos_rad_s_k", "sin_rad_s_k")
+"""Names of the slope's components."""
 BEND = ("cos_rad_s_k2", "sin_rad_s_k2")
 """Names of the bend's components."""
 
@@ -21,29 +24,21 @@ BEND = ("cos_rad_s_k2", "sin_rad_s_k2")
 def plant(p: Values, plant: Plant, env: Environment) -> None:
     """W += 2ω ΔT (s_c R(0) + s_s R(π/2)) + 2ω ΔT² (e_c R(0) + e_s R(π/2))."""
     warmer = (env.temperature_degc - p["reference_temperature_degc"])[:, None, None]
-    change = warmer * (_slope(p) + warmer * _bend(p))
+    change = warmer * (read_split(p, SLOPE) + warmer * read_split(p, BEND))
     plant.stiffness = plant.stiffness + 2 * plant.mechanics.omega_rad_s * change
 
 
 def slow(p: Values, u: Array, state: SlowState) -> Array:
     """jΔT (s_c R(0) + s_s R(π/2)) u + jΔT² (e_c R(0) + e_s R(π/2)) u."""
     warmer = (state.temperature_degc - p["reference_temperature_degc"])[..., None]
-    return 1j * warmer * (u @ _slope(p) + warmer * (u @ _bend(p)))
+    return 1j * warmer * (u @ read_split(p, SLOPE) + warmer * (u @ read_split(p, BEND)))
 
 
 def slow_rate(p: Values, u: Array, state: SlowState) -> Array:
     """j dT/dt (s_c R(0) + s_s R(π/2)) u + 2jΔT dT/dt (e_c R(0) + e_s R(π/2)) u."""
     warmer = (state.temperature_degc - p["reference_temperature_degc"])[..., None]
     change = state.temperature_rate_degc_s[..., None]
-    return 1j * change * (u @ _slope(p) + 2 * warmer * (u @ _bend(p)))
-
-
-def _slope(p: Values) -> Array:
-    return split_matrix(p["cos_rad_s_k"], p["sin_rad_s_k"])
-
-
-def _bend(p: Values) -> Array:
-    return split_matrix(p.get(BEND[0], 0.0), p.get(BEND[1], 0.0))
+    return 1j * change * (u @ read_split(p, SLOPE) + 2 * warmer * (u @ read_split(p, BEND)))
 
 
 def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
@@ -69,7 +64,7 @@ def size_next_order(p: Values, mechanics: Mechanics) -> dict[str, float]:
     >>> size_next_order({"cos_rad_s_k": 0.0, "sin_rad_s_k": 0.01}, gyro)
     {'cos_rad_s_k2': 0.0005, 'sin_rad_s_k2': 0.0005}
     """
-    slope = float(np.hypot(p["cos_rad_s_k"], p["sin_rad_s_k"]))
+    slope = float(np.hypot(p[SLOPE[0]], p[SLOPE[1]]))
     return dict.fromkeys(BEND, size_bend(slope, mechanics.frequency_split_rad_s))
 
 
@@ -79,24 +74,10 @@ EFFECT = Effect(
     page=__doc__,
     needs=("temperature",),
     parameters=(
-        Parameter("cos_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
-        Parameter("sin_rad_s_k", "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),
-        Parameter(
-            BEND[0],
-            "rad s-1 K-2",
-            1e-5,
-            "bend of δω cos 2mθ_ω per kelvin squared",
-            fitted=False,
-            higher_order=True,
-        ),
-        Parameter(
-            BEND[1],
-            "rad s-1 K-2",
-            1e-5,
-            "bend of δω sin 2mθ_ω per kelvin squared",
-            fitted=False,
-            higher_order=True,
-        ),
+        Parameter(SLOPE[0], "rad s-1 K-1", 3e-3, "slope of δω cos 2mθ_ω"),
+        Parameter(SLOPE[1], "rad s-1 K-1", 3e-3, "slope of δω sin 2mθ_ω"),
+        make_bend(BEND[0], "rad s-1 K-2", 1e-5, "bend of δω cos 2mθ_ω per kelvin squared"),
+        make_bend(BEND[1], "rad s-1 K-2", 1e-5, "bend of δω sin 2mθ_ω per kelvin squared"),
         make_reference_temperature(),
     ),
     mistaken_for=("ageing", "thermal_gradient"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..physics.plant import Environment, Plant, SlowState
 from ..physics.resonator import Mechanics
+from .bent_laws import make_bend
 from .effect import Array, Effect, Parameter, Values, make_reference_temperature, size_bend
 
 BEND = "relative_1_k2"
@@ -64,14 +65,7 @@ EFFECT = Effect(
     needs=("temperature",),
     parameters=(
         Parameter("relative_1_k", "K-1", 5e-3, "relative change of the damping per kelvin"),
-        Parameter(
-            BEND,
-            "K-2",
-            2e-5,
-            "relative bend of the damping per kelvin squared",
-            fitted=False,
-            higher_order=True,
-        ),
+        make_bend(BEND, "K-2", 2e-5, "relative bend of the damping per kelvin squared"),
         make_reference_temperature(),
     ),
     mistaken_for=("damping_drift", "nonlinear_damping"),

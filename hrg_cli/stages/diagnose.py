@@ -69,6 +69,7 @@ from .diagnosis.suspects import (
     QuietMistake,
     Suspicion,
     find_backward_runs,
+    find_mislabelled,
     find_stuck_columns,
     find_twin_channels,
     suspect_plain_run,
@@ -78,7 +79,6 @@ from .diagnosis.suspects import (
 from .diagnosis.suspects.rivals import fit_nearest
 from .diagnosis.thresholds import GROSS
 from .identification.modes import has_dead_channel, thin_run
-from .mislabelled import find_mislabelled
 from .one_gyro import need_each_once, need_same_gyro
 from .shared_noise import need_own_noise
 from .usable import (

@@ -99,7 +99,7 @@ def estimate(
     >>> from hrg_cli import Recording, collect, demodulate, estimate
     >>> t = np.arange(8000) / 8000
     >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
-    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> c, s = np.cos(2 * np.pi * 1000 * t) + noise
     >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
     >>> wave = collect(estimate(collect(demodulate(recording, periods_per_window=20))))
     >>> float(wave.main_amplitude[0].round(3)), float(np.degrees(wave.wave_angle_rad[0]).round(2))
@@ -201,7 +201,7 @@ def summarise(wave: Wave) -> dict[str, Any]:
     >>> from hrg_cli.stages.estimate import summarise
     >>> t = np.arange(8000) / 8000
     >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
-    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> c, s = np.cos(2 * np.pi * 1000 * t) + noise
     >>> recording = Recording(c=c, s=s, sample_rate_hz=8000.0, mode="free")  # mθ = 45°, m = 2
     >>> found = summarise(collect(estimate(collect(demodulate(recording, periods_per_window=20)))))
     >>> found["usable"], round(float(np.degrees(found["wave_angle_rad"]["last"])), 2)

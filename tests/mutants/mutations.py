@@ -794,7 +794,7 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
         ),
     ),
     "fitting/envelopes/amplitude_course.py": (
-        "tests/stages/diagnosis/suspects/test_backward_runs.py tests/stages/test_mislabelled.py",
+        "tests/stages/diagnosis/suspects/test_backward_runs.py tests/stages/diagnosis/suspects/test_mislabelled.py",
         (
             ("return all(_measure_rate", "return any(_measure_rate"),
             ("bool(np.any(np.nan_to_num(part.drive_main)))", "False"),

@@ -15,6 +15,8 @@ PARTS, PIECES = 3, 12
 """Parts of a run that must each change, and pieces of it whose medians are looked at."""
 ALIKE = 3.0
 """Times by which the dampings of two wave angles differ at most, split by half of their mean."""
+HIGHEST_Q = 1e8
+"""Quality factor that no gyro exceeds by much: the best fused silica has 1e7 to 1e8."""
 READ = (
     *("time_s", "flags", "iterations", "wave_angle_rad"),
     *("main_amplitude", "quadrature_amplitude", "drive_main"),

@@ -70,7 +70,7 @@ def plot_wave(record: Wave, truth: Recording | None, spectrum: bool = True) -> l
     >>> from hrg_cli.reporting.figures.wave import plot_wave
     >>> t = np.arange(8000) / 8000
     >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
-    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> c, s = np.cos(2 * np.pi * 1000 * t) + noise
     >>> made = collect(
     ...     demodulate(Recording(c=c, s=s, sample_rate_hz=8e3, mode="free"), periods_per_window=20)
     ... )

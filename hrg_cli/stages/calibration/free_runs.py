@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import name_some
+from ...fitting.envelopes.amplitude_course import HIGHEST_Q
 from ...fitting.tables.increments import AnglePath
-from ..mislabelled import HIGHEST_Q
 
 PART = 0.1
 """Of a run's length, over which its first and its last amplitude are averaged."""

@@ -39,7 +39,7 @@ def read_rate_in_time(periods: Periods, late_s: float) -> Array:
     >>> from hrg_cli.stages.estimation.late_rate import read_rate_in_time
     >>> t = np.arange(8000) / 8000
     >>> noise = 1e-4 * np.random.default_rng(0).standard_normal((2, 8000))
-    >>> c, s = np.array([[1.0], [1.0]]) * np.cos(2 * np.pi * 1000 * t) + noise
+    >>> c, s = np.cos(2 * np.pi * 1000 * t) + noise
     >>> run = Recording(
     ...     c=c, s=s, sample_rate_hz=8000.0, mode="free", auxiliary_time_s=t, rate_rad_s=t
     ... )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from ...suspicion import Suspicion
 from .backwards import find_backward_runs
+from .mislabelled import find_mislabelled
 from .quiet import QuietMistake, suspect_plain_run, suspect_quiet_run
 from .repeats import find_stuck_columns, find_twin_channels
 from .search import suspect_runs
@@ -18,6 +19,7 @@ __all__ = [
     "QuietMistake",
     "Suspicion",
     "find_backward_runs",
+    "find_mislabelled",
     "find_stuck_columns",
     "find_twin_channels",
     "suspect_plain_run",

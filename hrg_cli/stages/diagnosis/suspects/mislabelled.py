@@ -7,13 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fitting.envelopes.amplitude_course import ALIKE, read_course
-from ..records import Wave
-from .diagnosis.thresholds import FALLEN
-from .suspicion import Suspicion
-
-HIGHEST_Q = 1e8
-"""Quality factor that no gyro exceeds by much: the best fused silica has 1e7 to 1e8."""
+from ....fitting.envelopes.amplitude_course import ALIKE, HIGHEST_Q, read_course
+from ....records import Wave
+from ...suspicion import Suspicion
+from ..thresholds import FALLEN
 
 
 def find_mislabelled(waves: Sequence[Wave]) -> list[Suspicion]:
@@ -35,7 +32,7 @@ def find_mislabelled(waves: Sequence[Wave]) -> list[Suspicion]:
     Examples
     --------
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
-    >>> from hrg_cli.stages.mislabelled import find_mislabelled
+    >>> from hrg_cli.stages.diagnosis.suspects.mislabelled import find_mislabelled
     >>> waves = draw_waves()
     >>> find_mislabelled(waves)
     []

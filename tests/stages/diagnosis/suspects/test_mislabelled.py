@@ -6,8 +6,8 @@ import pytest
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.diagnose import diagnose
+from hrg_cli.stages.diagnosis.suspects.mislabelled import find_mislabelled
 from hrg_cli.stages.estimate import estimate
-from hrg_cli.stages.mislabelled import find_mislabelled
 
 SAMPLING_HZ, FREQUENCY_HZ, LENGTH_S = 8123.0, 1000.3, 2.0
 SAID = "its mode is forced, and its wave is a free one's"
