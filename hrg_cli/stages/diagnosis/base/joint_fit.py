@@ -220,27 +220,49 @@ def fit_beside_answers(fit: ExtendedFit) -> ExtendedFit:
     if not has_log(fit.series):
         return fit
 
-    def allowed(fit: ExtendedFit) -> tuple[ExtendedFit, FrameAnswers, Ripple]:
-        frames, ripple = FrameAnswers.from_fit(fit), Ripple.from_fit(fit)
-        beside = _allow_answers(fit, ripple, ripple.spread_apart, frames.compute_spread(fit))
-        return beside, frames, ripple
-
-    beside, frames, ripple = allowed(drop_whole_answers(fit))
-    if _is_far(beside):
-        return beside
-    if is_gross(beside) and not beside.converged:
+    first = _stand_beside(drop_whole_answers(fit))
+    if _is_far(first[0]):
+        return first[0]
+    if is_gross(first[0]) and not first[0].converged:
         # columns about where it began may keep it from settling, those about its end do not
-        beside, frames, ripple = allowed(beside)
-    for _ in range(FOLLOWED_AGAIN):
-        along = beside if is_gross(beside) else follow_answers(beside, frames, ripple)
-        if along is beside:
-            break
-        beside, frames, ripple = allowed(along)
+        first = _stand_beside(first[0])
+    beside, _, ripple = _follow_while_settling(first)
     if not are_all_driven(beside.series):
         return beside
     whole = beside if is_gross(beside) else follow_whole_answers(beside, ripple)
     ripple, frames = Ripple.from_fit(whole), FrameAnswers.from_fit(whole)
     return _allow_answers(whole, ripple, ripple.spread, frames.compute_spread(whole))
+
+
+Beside = tuple[ExtendedFit, FrameAnswers, Ripple]
+"""A fit beside what loops may have answered, and what that is."""
+
+
+def _stand_beside(fit: ExtendedFit) -> Beside:
+    """The fit beside the answers that are no coordinate's, columns about its own motion."""
+    frames, ripple = FrameAnswers.from_fit(fit), Ripple.from_fit(fit)
+    beside = _allow_answers(fit, ripple, ripple.spread_apart, frames.compute_spread(fit))
+    return beside, frames, ripple
+
+
+def _follow_while_settling(first: Beside) -> Beside:
+    """The fit along the likely answers, as long as these settle; of the last two motions that do
+    not the one which leaves less, for a misfit has been laid on them."""
+    last, now, missed = first, first, np.inf
+    for _ in range(FOLLOWED_AGAIN):
+        if is_gross(now[0]):
+            return min(last, now, key=_find_chi2)
+        before = missed
+        along, missed = follow_answers(*now, before)
+        if along is now[0]:
+            return now if missed < before else min(last, now, key=_find_chi2)
+        last, now = now, _stand_beside(along)
+    return now
+
+
+def _find_chi2(beside: Beside) -> float:
+    """χ² that a fit beside answers leaves."""
+    return beside[0].chi2
 
 
 def fit_beside_delay(fit: ExtendedFit) -> ExtendedFit | None:

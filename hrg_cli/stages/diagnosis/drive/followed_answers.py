@@ -32,7 +32,9 @@ MISSED = 0.1
 """Part of a σ that columns about a motion which has moved since may miss of what they do."""
 
 
-def follow_answers(fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple) -> ExtendedFit:
+def follow_answers(
+    fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple, last: float = np.inf
+) -> tuple[ExtendedFit, float]:
     """The same point along the motion that the loops' likely answers make, not fitted again: the
     columns of what is unsettled stand about the other motion.
 
@@ -49,12 +51,17 @@ def follow_answers(fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple) -> Ex
         scale factor, and have none followed.
     ripple
         Answers to the oscillation's ripple.
+    last
+        What columns about the motion before this one missed, over σ: loops' answers are missed by
+        less from one motion to the next, and what is missed by more than the last time is a misfit
+        that has been laid on them.
 
     Returns
     -------
-    ExtendedFit
-        The same where nothing moves any more, or where no frame of loops that hold a wave is
-        likely: a gross misfit would be laid on it.
+    tuple
+        The fit, and what the columns beside it missed, over σ. The same fit where nothing moves any
+        more, where it moves farther than the last time, or where no frame of loops that hold a wave
+        is likely: a gross misfit would be laid on it.
 
     Examples
     --------
@@ -62,18 +69,18 @@ def follow_answers(fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple) -> Ex
 
     >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
     >>> from hrg_cli.stages.diagnosis.drive.followed_answers import follow_answers
-    >>> follow_answers(draw_fit(), None, None) is draw_fit()
+    >>> follow_answers(draw_fit(), None, None)[0] is draw_fit()
     True
     """
     series = fit.series
     if series.unsettled is None:
-        return fit
+        return fit, 0.0
     of_ripple, of_frames = _find_likely(fit, ripple), None
     if not are_all_driven(series):
         of_frames = frames.doings.T @ series.unsettled.project_out(fit.residual)
         turn = frames.compute_turn(of_frames)
         if np.abs(turn).max() > MOST_TURNED_RAD:
-            return fit
+            return fit, np.inf
         if of_frames.any():
             series = replace(series, frame_turn=turn)
 
@@ -84,9 +91,8 @@ def follow_answers(fit: ExtendedFit, frames: FrameAnswers, ripple: Ripple) -> Ex
         return moved
 
     series = _lay_on(fit, series, fit.point, ripple.jumps @ of_ripple, move)
-    if _find_missed(fit, series) < MISSED:
-        return fit
-    return fit.stand_along(series)
+    missed = _find_missed(fit, series)
+    return (fit.stand_along(series) if MISSED <= missed < last else fit), missed
 
 
 def follow_whole_answers(fit: ExtendedFit, ripple: Ripple) -> ExtendedFit:
