@@ -88,7 +88,11 @@ class Coefficients:
         return np.interp(t, self._t, values)
 
     def _matrix(self, t: Array, values: Array) -> Array:
-        return np.stack([self._row(t, values[:, i]) for i in range(4)], -1).reshape(-1, 2, 2)
+        out = np.empty((len(t), 4))
+        out[:] = values[0]
+        for place in np.flatnonzero(np.any(values != values[0], axis=0)).tolist():
+            out[:, place] = np.interp(t, self._t, values[:, place])
+        return out.reshape(-1, 2, 2)
 
     def choose_knot_stride(self, h: float) -> int:
         """Steps between knots, so that the chord of the exponential errs by less than

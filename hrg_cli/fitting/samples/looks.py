@@ -48,7 +48,9 @@ class Look:
     raw: tuple[Array, Array]
 
 
-def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
+def take_looks(
+    recording: Recording, even: bool, name: str, most: tuple[int, int] | None = None
+) -> list[Look]:
     """Looks spread evenly along a recording.
 
     Those without a bad sample; else the longest finite stretches, cut to one length; else, few
@@ -62,6 +64,8 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
         Whether it is sampled evenly; looks at uneven times are more and shorter.
     name
         Of the recording, for what is said of it.
+    most
+        Looks at most, and samples in each; None: as many as noise asks for.
 
     Returns
     -------
@@ -84,14 +88,16 @@ def take_looks(recording: Recording, even: bool, name: str) -> list[Look]:
     (6, (2, 16384))
     """
     n = len(recording.c)
-    most, length = (LOOKS, min(n, LOOK_SAMPLES)) if even else (UNEVEN_LOOKS, min(n, UNEVEN_SAMPLES))
+    usual = (LOOKS, LOOK_SAMPLES) if even else (UNEVEN_LOOKS, UNEVEN_SAMPLES)
+    count, length = usual if most is None else most
+    length = min(n, length)
     if n < 6:
         raise HrgError(
             f"{name}: has {n} samples; an oscillation cannot be found in fewer than 6: record"
             " longer"
         )
     looks, patched, stretches, standing = [], [], [], []
-    places = np.linspace(0, n - length, min(most, max(1, n // length))).astype(int)
+    places = np.linspace(0, n - length, min(count, max(1, n // length))).astype(int)
     for a in dict.fromkeys(places.tolist()):
         look = _take_look(recording, a, a + length)
         bad = ~np.isfinite(look.y)

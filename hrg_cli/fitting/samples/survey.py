@@ -38,9 +38,9 @@ LONGEST_SPAN = 20.0
 """Times that span so many times what the samples fill at their usual step are a clock that jumps,
 not a run with gaps."""
 
-QUIET_LOOKS = 3
-"""Looks, about, that tell the frequency's course where no noise hides it; what is between them the
-demodulation follows from chunk to chunk."""
+QUIET = (3, 2048)
+"""Looks, and samples in each, that tell the frequency's course where no noise hides it; what is
+between them the demodulation follows from chunk to chunk."""
 
 ABOUT = 0.25
 """Part of the oscillation's frequency about it within which the channels' noise is compared."""
@@ -298,10 +298,8 @@ def survey_quiet(recording: Recording, name: str) -> Survey:
     >>> round(found.reference_hz, 4), found.spectrum_segments
     (1234.5, 0)
     """
-    looks = take_looks(recording, recording.time_s is None, name)
-    course = FrequencyCourse.from_looks(
-        recording, name, looks[:: max(1, (len(looks) - 1) // (QUIET_LOOKS - 1))]
-    )
+    looks = take_looks(recording, recording.time_s is None, name, QUIET)
+    course = FrequencyCourse.from_looks(recording, name, looks)
     strength2 = float(max(look.y.var(-1).max() for look in course.looks))
     # noise that nobody looked for bounds nothing
     unknown = np.full((len(course.looks), 2), np.inf)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ....effects import EFFECTS
 from ....effects.effect import OF_EVERY_RUN, Effect
 from ....errors import HrgError
 from ....fitting.causes.extended_fit import ExtendedFit
@@ -31,7 +32,7 @@ from ...estimate import estimate
 from ...simulate import simulate_run
 from ...simulation_file import SimulationFile, list_runs
 from ..samples.tone import Tone
-from .model import TONE
+from .model import SAMPLES_A_PERIOD, TONE
 from .run_changes import find_change
 from .written_run import Way
 
@@ -49,6 +50,14 @@ QUICK_SAMPLES = 12.0
 """Samples a period that windows of one need, to hold apart its own motion."""
 QUICK_RAD = 0.1
 """Turn and decay of the envelope within `PERIODS` from which they are too many."""
+FEW_SAMPLES = 5 - 5**0.5
+"""Samples a period where nothing bends them: the oscillation is all that they hold, and those of
+the file would tell no more of it. As far from even numbers as the file's own."""
+FEW_PERIODS = round(PERIODS * SAMPLES_A_PERIOD / FEW_SAMPLES, 1)
+"""Periods per window of so few, which hold as many samples as `PERIODS` of the file's."""
+WINDOWS_A_ROW = 3.0
+"""Such windows that rows hold at least: then all rows lie between the first and the last, behind
+which up to one is cut off."""
 DEGREE = 5
 """Of the spline through the simulated windows: a split that turns its modes by x a window against
 each other leaves x⁴/400 of a cubic one."""
@@ -240,9 +249,8 @@ def hold_written(
         runs = list_runs(table)
     except HrgError:
         return None
-    share, simulated = _simulate_first_part(
-        runs, extra_effects, _periods_per_window(fit), fit.series.reference_frequency_hz
-    )
+    sampling = _choose_sampling(fit, runs, (*extra_effects, *EFFECTS))
+    share, simulated = _simulate_first_part(runs, extra_effects, sampling)
     if simulated is None:
         return None
     order = list(dict.fromkeys(origin))
@@ -273,21 +281,25 @@ def hold_written(
     return Written(figures[0], figures[1], share, change) if fitted.any() else None
 
 
+@dataclass(frozen=True)
+class Sampling:
+    """How the files' runs are sampled for the comparison: periods in a window, and times as many
+    samples as the file asks for."""
+
+    periods: float
+    times: float = 1.0
+
+
 def _simulate_first_part(
-    runs: Sequence[SimulationFile],
-    extra_effects: Sequence[Effect],
-    periods: float,
-    frequency_hz: float,
+    runs: Sequence[SimulationFile], extra_effects: Sequence[Effect], sampling: Sampling
 ) -> tuple[float, list[Wave] | None]:
     """(the part of every run that is simulated, the waves); None where one cannot be."""
-    samples = sum(run.recording.sample_rate_hz * run.recording.duration_s for run in runs)
-    share = min(1.0, MOST_SAMPLES / samples)
+    rates = [run.recording.sample_rate_hz * sampling.times for run in runs]
+    lengths = [run.recording.duration_s for run in runs]
+    share = min(1.0, MOST_SAMPLES / float(np.dot(rates, lengths)))
     waves = []
-    for run in runs:
-        part = {"duration_s": run.recording.duration_s * share}
-        if periods == QUICK_PERIODS:
-            rate = run.recording.sample_rate_hz
-            part["sample_rate_hz"] = rate * np.ceil(QUICK_SAMPLES * frequency_hz / rate)
+    for run, rate, length in zip(runs, rates, lengths, strict=True):
+        part = {"duration_s": length * share, "sample_rate_hz": rate}
         quiet = run.model_copy(
             update={
                 "recording": run.recording.model_copy(update=part),
@@ -295,28 +307,46 @@ def _simulate_first_part(
             }
         )
         try:
-            waves.append(_estimated(collect(simulate_run(quiet, extra_effects)), periods))
+            recording = collect(simulate_run(quiet, extra_effects))
+            waves.append(_estimated(recording, sampling.periods))
         except HrgError:
             return share, None
     return share, waves
 
 
-def _periods_per_window(fit: ExtendedFit) -> float:
-    """Periods per window in which the fit's envelope hardly bends: the fewest, or, where a read-out
-    bends the samples, as many as the measured rows hold, for a clip takes few samples of a period,
-    and in a short window one more or less."""
+def _choose_sampling(
+    fit: ExtendedFit, runs: Sequence[SimulationFile], known: Sequence[Effect]
+) -> Sampling:
+    """Windows in which the fit's envelope hardly bends: long ones of few samples, the fewest
+    periods of the file's own where rows are no longer than those, or, where a read-out bends the
+    samples, as many as the measured rows hold, for a clip takes few samples of a period, and in a
+    short window one more or less."""
     p, hz = fit.point.p, fit.series.reference_frequency_hz
     # the coordinates before the scale factor are damping and splits, rad/s
     own = float(np.linalg.norm(p[:SCALE_FACTOR]))
     turned = float(np.abs(p[SCALE_FACTOR] * fit.series.rate_rad_s).max())
     most = QUICK_RAD * hz / max(own + turned, 1e-300)
     if most < PERIODS:
-        return QUICK_PERIODS
-    if not any(effect.makes_harmonics for effect, _ in fit.point.active):
-        return PERIODS
+        own_hz = runs[0].recording.sample_rate_hz
+        return Sampling(QUICK_PERIODS, float(np.ceil(QUICK_SAMPLES * hz / own_hz)))
     several = np.flatnonzero(np.sum(fit.series.weight > 0, axis=1) > 1)
-    shortest_s = min(_row_s(fit, k) for k in several.tolist())
-    return float(np.clip(np.round(shortest_s * hz), PERIODS, np.floor(most)))
+    shortest = min(_row_s(fit, k) for k in several.tolist()) * hz
+    if any(effect.makes_harmonics for effect, _ in fit.point.active):
+        return Sampling(float(np.clip(np.round(shortest), PERIODS, np.floor(most))))
+    if min(most, shortest / WINDOWS_A_ROW) < FEW_PERIODS or _needs_own_samples(runs, known):
+        return Sampling(PERIODS)
+    return Sampling(FEW_PERIODS, FEW_SAMPLES / SAMPLES_A_PERIOD)
+
+
+def _needs_own_samples(runs: Sequence[SimulationFile], known: Sequence[Effect]) -> bool:
+    """Whether files have effects that act on single samples: bend them, lose some, or add to them
+    what is no part of the oscillation."""
+    names = {name for run in runs for name in run.effects}
+    return any(
+        effect.makes_harmonics or effect.whole_samples or effect.makes_tone
+        for effect in known
+        if effect.name in names
+    )
 
 
 def _row_s(fit: ExtendedFit, k: int) -> float:
