@@ -288,7 +288,10 @@ def _steps(t: Array, u: Array, side: int) -> tuple[Array, Array]:
     around = np.delete(np.arange(2 * side + 1), side)
     x = (np.lib.stride_tricks.sliding_window_view(t, 2 * side + 1) - t[side:-side, None])[:, around]
     x = x / np.abs(x).max(axis=1, keepdims=True)
-    step = np.linalg.pinv(np.stack([x**0, x, x**2, x**3, np.sign(x) / 2], axis=-1))[:, -1]
+    beside = np.stack([np.ones_like(x), x, x**2, x**3, np.sign(x) / 2], axis=-1)
+    # the last row of the pseudo-inverse, from what of the last column the others do not hold
+    Q, R = np.linalg.qr(beside)
+    step = Q[..., -1] / R[:, -1:, -1]
     windows = np.lib.stride_tricks.sliding_window_view(u, 2 * side + 1, axis=0)[..., around]
     return np.einsum("ncw,nw->nc", windows, step), np.sum(step**2, axis=1)
 

@@ -157,26 +157,27 @@ def _rows_of(wave: Wave) -> _Rows | None:
     if np.count_nonzero(good) < max(FEWEST_ROWS, n // 2):
         return None
     t = np.asarray(wave.time_s[:n], float)
-    columns, stds, noise = [], [], []
-    for value, std in (
-        (wave.main_amplitude, wave.main_amplitude_std),
-        (wave.wave_angle_rad, wave.wave_angle_rad_std),
-    ):
-        known = np.interp(t, t[good], np.asarray(value[:n], float)[good])
-        own = np.interp(t, t[good], np.asarray(std[:n], float)[good])
-        if not own.min() > 0:
-            return None
-        left = np.where(good, known - savgol_filter(known, SMOOTHED, DEGREE), 0.0) / own
-        least, most = NOISE_RANGE
-        if not least < np.sqrt(np.mean(left[good] ** 2)) < most:
-            return None
-        columns.append(known)
-        stds.append(float(np.median(own)))
-        noise.append(left)
+    columns, own = (
+        np.stack([np.interp(t, t[good], np.asarray(one[:n], float)[good]) for one in both])
+        for both in (
+            (wave.main_amplitude, wave.wave_angle_rad),
+            (wave.main_amplitude_std, wave.wave_angle_rad_std),
+        )
+    )
+    if not own.min() > 0:
+        return None
+    noise = np.where(good, columns - savgol_filter(columns, SMOOTHED, DEGREE), 0.0) / own
+    least, most = NOISE_RANGE
+    level = np.sqrt(np.mean(noise[:, good] ** 2, axis=1))
+    if not (np.all(level > least) and np.all(level < most)):
+        return None
+    stds = tuple(np.median(own, axis=1).tolist())
     both = noise[0] + 1j * noise[1]
     transform = np.fft.fft(both, 2 * MOST_ROWS)
     step, period = float(np.median(np.diff(t))), np.pi / wave.mode_number
-    return _Rows(step, both, transform, columns[0], columns[1], (stds[0], stds[1]), period)
+    return _Rows(
+        step, both, transform, columns[0], columns[1], (float(stds[0]), float(stds[1])), period
+    )
 
 
 def _compare(one: _Rows, other: _Rows) -> tuple[float, int] | None:

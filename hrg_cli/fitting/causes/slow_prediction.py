@@ -209,8 +209,19 @@ class Rule:
             last = size
         return None
 
+    def carry(self, start: Array) -> tuple[Array, Array]:
+        """The motion from `start` (R, 2) by L alone, and the steps' propagators of it."""
+        propagators = self.compute_propagators()
+        u = np.empty((*self.rows.state.time_s.shape, 2), complex)
+        u[:, 0] = start
+        for k in range(u.shape[1] - 1):
+            u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
+        return u, propagators
+
     def march(self, start: Array) -> Array:
         """The same row by row."""
+        if self.rows.idle:
+            return self.carry(start)[0]
         motion = np.empty((*self.rows.state.time_s.shape, 2), complex)
         u = motion[:, 0] = start
         if self.fast is not None:
@@ -362,11 +373,7 @@ def predict(series: MeasuredRuns, point: Point, near: Near | None = None) -> Pre
         marched = rule.march(point.start)
         return Prediction(series, point, marched, rule.rows.read_out(marched))
     if rule.rows.idle or near is None:
-        propagators = rule.compute_propagators()
-        u = np.empty((*series.time_s.shape, 2), complex)
-        u[:, 0] = point.start
-        for k in range(u.shape[1] - 1):
-            u[:, k + 1] = apply_generators(propagators[:, k], u[:, k])
+        u, propagators = rule.carry(point.start)
         if rule.rows.idle:
             return Prediction(series, point, u, rule.rows.read_out(u))
         near = u, make_real_matrix(propagators)

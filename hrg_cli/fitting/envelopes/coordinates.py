@@ -77,10 +77,11 @@ def build_generator(p: Array, rate_rad_s: Array, omega: Array | float) -> Array:
     >>> bool(np.allclose(L, resonator.build_generator(gyro, 1.0), atol=1e-9))
     True
     """
-    parts = np.broadcast_arrays(
-        *compute_entries(p, np.asarray(rate_rad_s), np.asarray(omega, float))
-    )
-    return np.stack(parts, axis=-1).reshape(*parts[0].shape, 2, 2)
+    parts = compute_entries(p, np.asarray(rate_rad_s), np.asarray(omega, float))
+    out = np.empty((*np.broadcast_shapes(*map(np.shape, parts)), 4), complex)
+    for place, part in enumerate(parts):
+        out[..., place] = part
+    return out.reshape(*out.shape[:-1], 2, 2)
 
 
 def compute_entries(p: Array, rate_rad_s: Array, omega: Array) -> Matrix:

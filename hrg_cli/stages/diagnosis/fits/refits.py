@@ -13,10 +13,12 @@ from functools import reduce
 import numpy as np
 
 from ....effects.effect import INSTANT, Effect
-from ....fitting.causes import extended_fit, fit_point
-from ....fitting.causes.evidence import Score, price_numbers
+from ....fitting.causes import evidence, extended_fit, fit_point
+from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import Point
+from ....fitting.causes.sensitivities import find_base_sensitivities
+from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import SECOND_ORDER
 from ....fitting.least_squares import square_over_covariance
 from ..thresholds import CLEARLY, OUTDONE, UNSETTLED_BASE, WORTH
@@ -344,7 +346,7 @@ def _saved(effect: Effect, fit: ExtendedFit) -> float:
     C = fit.covariance[columns, columns]
     rows = len(fit.residual)
     price = float(np.log(rows))
-    best = len(off) * price - price_numbers(len(off), square_over_covariance(off, C), rows)
+    best = len(off) * price - evidence.price_numbers(len(off), square_over_covariance(off, C), rows)
     for count in range(1, len(off)):
         tries = 2 * float(np.log(math.comb(len(off), count)))
         for idle in itertools.combinations(range(len(off)), count):
@@ -615,9 +617,20 @@ def take_plain_averaging(
     """
     if is_gross(fit) or fit.freedom.loose is None or fit.point.p[SECOND_ORDER] != 1.0:
         return None
-    averaged = fit_at_second_order(fit, 0.0)
     best = max((score.gain for score, _ in ranked if score.visible), default=0.0)
-    return averaged if fit.chi2 - averaged.chi2 > max(CLEARLY, best - WORTH) else None
+    asked = max(CLEARLY, best - WORTH)
+    if _score_second_order(fit) < asked:
+        return None
+    averaged = fit_at_second_order(fit, 0.0)
+    return averaged if fit.chi2 - averaged.chi2 > asked else None
+
+
+def _score_second_order(fit: ExtendedFit) -> float:
+    """By how much any scale of the second order makes χ² fall at most, to first order: what it does
+    is 1e-3 of the motion, and linear."""
+    shared = find_base_sensitivities(fit.flow)[0][..., [SECOND_ORDER]]
+    column = flatten_rows(fit.series, shared)
+    return evidence.score("second order", fit.residual, column, fit.basis).gain
 
 
 def free_higher_orders(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -62,7 +63,15 @@ def list_variants(effects: Sequence[Effect], fit: ExtendedFit) -> list[Variant]:
     >>> [(one.effect.name, one.anywhere) for one in list_variants(effects, draw_fit())]
     [('gain_mismatch', False), ('momentum_kick', True)]
     """
-    series = fit.series
+    # where a run is struck is a search of its own, and the same beside one fit
+    found: list[Variant] = fit.recall(
+        ("variants", *effects), partial(_list_beside, effects, fit.series)
+    )
+    return [*found]
+
+
+def _list_beside(effects: Sequence[Effect], series: MeasuredRuns) -> list[Variant]:
+    """All ways the candidates may stand beside these runs."""
     warm = series.temperature_degc[series.weight > 0]
     middle = float(np.round(warm.mean(), 3)) if series.has_temperature else 25.0
     there = _list_available(series)

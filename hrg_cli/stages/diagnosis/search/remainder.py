@@ -346,9 +346,17 @@ def refine_term(fit: ExtendedFit, term: Term) -> Term:
     >>> refine_term(fit, best) is best
     True
     """
-    shape = term.covariate.shape
-    if shape is None:
+    if term.covariate.shape is None:
         return term
+    # the open search looks at one fit twice, with and without terms of every run's own
+    key = "refined", term.place.name, term.covariate.formula, term.score.gain
+    refined: Term = fit.recall(key, lambda: _refine_shape(fit, term))
+    return refined
+
+
+def _refine_shape(fit: ExtendedFit, term: Term) -> Term:
+    """The term at the best of the finer values of what is free in its covariate's form."""
+    shape = _shape(term)
     width = shape.width
     for _ in range(2):
         middle = _shape(term).value

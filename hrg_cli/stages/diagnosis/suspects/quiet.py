@@ -115,7 +115,7 @@ def suspect_quiet_run(
     if failed and (leak := _find_leak(waves, fitted, base, final)) is not None:
         return leak
     doubtful = None
-    for level in _levels(waves, fitted, base, final, candidates):
+    for level in _levels(waves, fitted, base, final, candidates, failed=failed):
         if level.before is None or not (
             (failed and level.asked_of_failed) or _promises(level.before, final)
         ):
@@ -262,10 +262,13 @@ def _levels(
     base: ExtendedFit,
     final: ExtendedFit,
     candidates: Sequence[Variant],
+    *,
+    failed: bool,
 ) -> Iterator[_Level]:
     """The base model; then it with all but one of the causes found, and with all that are no one
-    run's; and as it follows the temperature, where no cause does: beside a thermometer that is
-    wrong in one run, what all runs do at one time of theirs is the better account."""
+    run's; and as it follows the temperature, where no cause does and where causes that pass have
+    done more than that would leave of what they did: beside a thermometer that is wrong in one run,
+    what all runs do at one time of theirs is the better account."""
     yield _Level(fitted, base)
     common = [(e, values) for e, values in final.point.active if not e.of_one_run]
     if is_any_logged(waves):
@@ -279,7 +282,8 @@ def _levels(
     if common:
         beside_all = add_causes_to_fit(fitted, common)
         yield _Level(beside_all, fit_or_none(waves, beside_all))
-    if not any(effect.scales for effect, _ in final.point.active):
+    asked = failed or _excess(base) - CLEARLY - _excess(final) > WORTH
+    if asked and not any(effect.scales for effect, _ in final.point.active):
         warm = fit_warming(fitted, candidates, base, 1 - CLEARLY / base.chi2)
         if warm is not None:
             yield _Level(warm, fit_or_none(waves, warm))
