@@ -15,7 +15,7 @@ from ...units import KELVIN_DEGC
 from ..kelvin_logs import average_log, find_kelvin_logs
 from ..one_gyro import find_two_gyros, need_each_once, need_same_gyro
 from ..shared_noise import need_own_noise
-from ..usable import Usable, drop_refused, restrict_to_known_rates
+from ..usable import Usable, drop_refused, name_apart, restrict_to_known_rates
 from .free_runs import tell_free_runs
 from .programme import choose_nodes, examine
 
@@ -126,12 +126,12 @@ def prepare(
     with usable.blame_refusals():
         paths = [
             build_path(
-                wave,
+                named,
                 harmonics=harmonics,
                 rate_rad_s=rates.find_rate(wave),
                 earth_rate_rad_s=rates.earth_rad_s,
             )
-            for wave in usable.waves
+            for wave, named in zip(usable.waves, name_apart(usable.waves))
         ]
     forced, free, notes, remarks = _split_by_drive(paths)
     table_nodes, low, high, words = choose_nodes(forced, axis, nodes)

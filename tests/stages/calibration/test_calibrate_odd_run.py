@@ -188,6 +188,16 @@ def test_two_runs_a_dwell_do_not_hide_a_wrong_one():
     assert (told["run_id"], told["what"]) == (waves[3].run_id, "one channel inverted")
 
 
+def test_a_wrong_run_among_those_of_one_name_is_told_by_its_number():
+    """It was "run x", as all of them were."""
+    waves = [wave.replace(run_id="x") for wave in three_a_dwell()]
+    waves[WRONG] = inverted(waves[WRONG])
+    record = calibrated(waves)
+    assert record.status == "refused"
+    (told,) = summarise(record)["suspect_runs"]
+    assert (told["run_id"], told["what"]) == (f"x ({WRONG + 1})", "one channel inverted")
+
+
 def test_several_wrong_runs_are_named_each_with_its_own_cause():
     waves = three_a_dwell()
     waves[3], waves[8] = inverted(waves[3]), times(180 / np.pi)(waves[8])
