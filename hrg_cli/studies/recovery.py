@@ -95,6 +95,8 @@ def recovery_study(
     ------
     UsageError
         No recording, a size that is not above 0, or an unknown effect.
+    HrgError
+        The recordings as they are give no diagnosis.
 
     Examples
     --------
@@ -115,7 +117,7 @@ def recovery_study(
     if min(sizes) <= 0:
         raise UsageError(f"sizes holds {min(sizes):g}; a size is above 0 σ")
     waves = [_make_wave(recording, periods_per_window) for recording in recordings]
-    background = _diagnosed(waves, scale_factor)
+    background = _need_diagnosed(_diagnosed(waves, scale_factor))
     rows = [dict(row) for row in known]
     done = {(row["effect"], row["draw"]) for row in rows}
     tasks = [
@@ -391,10 +393,20 @@ def _make_wave(recording: Recording, periods_per_window: float) -> Wave:
     return collect(estimate(collect(demodulate(recording, periods_per_window=periods_per_window))))
 
 
+def _need_diagnosed(background: Row) -> Row:
+    """The background's report. HrgError: it was refused, as would be all that is hidden in it."""
+    if background.get("refused"):
+        raise HrgError(
+            "these recordings give no diagnosis as they are, and nothing hidden in them could be"
+            f" found: {background['refused']}"
+        )
+    return background
+
+
 def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
     """The diagnosis's report; a refusal is one, too."""
     try:
-        report = summarise(diagnose(waves, scale_factor=scale_factor))
+        found = diagnose(waves, scale_factor=scale_factor)
     except (HrgError, ArithmeticError, np.linalg.LinAlgError) as error:
         # of data that an injection spoilt beyond any model: no name is given, and that is what the
         # study counts
@@ -404,7 +416,9 @@ def _diagnosed(waves: Sequence[Wave], scale_factor: float | None) -> Row:
             "effects": [],
             "after": {"chi2_per_dof": None},
         }
-    return {key: report[key] for key in ("verdict", "effects", "after")}
+    report = summarise(found)
+    why = "; ".join(found.status_reasons) if found.status == "refused" else None
+    return {key: report[key] for key in ("verdict", "effects", "after")} | {"refused": why}
 
 
 def tabulate(study: dict[str, Any]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:

@@ -183,6 +183,8 @@ def test_the_study_says_what_is_missing(recordings):
         recovery_study([])
     with pytest.raises(HrgError, match="did you mean"):
         recovery_study(recordings, effects=["gain_mismach"])
+    with pytest.raises(HrgError, match="no diagnosis as they are"):
+        recovery_study([recordings[0], recordings[0]], periods_per_window=40.0)
 
 
 @pytest.mark.slow
