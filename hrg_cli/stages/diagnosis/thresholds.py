@@ -138,7 +138,8 @@ their sum rather than the coordinate."""
 # A wrong run.
 
 ONE_MORE_RUN = 1.4
-"""Times by which χ² must fall for one more run to be doubted, or for runs that warm up."""
+"""Times by which χ² must fall for one more run to be doubted, for runs beside causes of their own,
+and, where a gross misfit stays, for a mistake with more numbers."""
 PHYSICS_RIVAL = 3.0
 """χ² per degree of freedom that causes of the catalogue may leave over that of the best mistake:
 then no run is blamed."""

@@ -47,7 +47,7 @@ from .readings import (
     fit_held,
     is_log_stuck,
 )
-from .rivals import fit_catalogue, fit_warming
+from .rivals import add_causes_to_fit, fit_catalogue, fit_nearest, fit_warming
 from .two_gyros import find_second_gyro
 from .unlogged_rates import find_unlogged_rates
 
@@ -97,28 +97,53 @@ def suspect_runs(
     >>> [(one.run_id, one.what) for one in suspect_runs(waves, fit_waves, fit_waves(waves))]
     [('all runs', 'rate log in °/s')]
     """
-    if strange := _find_strange_frequencies(base, FREQUENCIES_APART):
-        alone = _strange_runs(waves, fitted, base, strange)
-        # a frequency that follows the amplitude does so within each run too, and explains more
-        if (
-            alone is not None
-            and fit_catalogue(base, candidates, 1.0) > alone.chi2_per_dof / FREQUENCY_RIVAL
-        ):
-            return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
+    apart = _find_runs_apart(waves, fitted, base, candidates)
+    if apart is not None and not is_gross(apart.fit):
+        return [*find_wrong_logs(waves, apart.fit), *apart.suspicions]
     if not base.is_adequate and (strange := _find_strange_frequencies(base, CLOCKS_APART)):
         # temperatures part frequencies so far as well, but mend nothing else of a run with them
-        alone = _strange_runs(waves, fitted, base, strange)
+        clocks = _strange_runs(waves, fitted, base, strange)
         if (
-            alone is not None
-            and all(one.what == CLOCK for one in alone.suspicions)
-            and alone.fit.is_adequate
+            clocks is not None
+            and all(one.what == CLOCK for one in clocks.suspicions)
+            and clocks.fit.is_adequate
         ):
-            return [*find_wrong_logs(waves, alone.fit), *alone.suspicions]
+            return [*find_wrong_logs(waves, clocks.fit), *clocks.suspicions]
+    found = _find_blamed_runs(waves, fitted, base, candidates)
+    # where much is left beside strange frequencies another run may be wrong as well
+    if apart is not None and (
+        found is None or apart.chi2_per_dof < ONE_MORE_RUN * found.chi2_per_dof
+    ):
+        found = apart
+    if found is None:
+        return find_wrong_logs(waves, base)
+    return [*find_wrong_logs(waves, found.fit), *found.suspicions]
+
+
+def _find_runs_apart(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+) -> SuspectFound | None:
+    """The runs that oscillate far beside the others; none where the catalogue explains as much: a
+    frequency that follows the amplitude does so within each run too."""
+    strange = _find_strange_frequencies(base, FREQUENCIES_APART)
+    found = _strange_runs(waves, fitted, base, strange) if strange else None
+    if (
+        found is None
+        or fit_catalogue(base, candidates, 1.0) <= found.chi2_per_dof / FREQUENCY_RIVAL
+    ):
+        return None
+    return found
+
+
+def _find_blamed_runs(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+) -> SuspectFound | None:
+    """The runs to blame for a gross misfit; None where physics explains it as well."""
     if (
         base.chi2 / base.dof < GROSS
         or (physics := fit_catalogue(base, candidates, PHYSICS_RIVAL)) < PHYSICS_RIVAL
     ):
-        return find_wrong_logs(waves, base)
+        return None
     found = (
         find_unlogged_rates(waves, fitted, base)
         or find_common_lateness(waves, fitted, base)
@@ -128,27 +153,56 @@ def suspect_runs(
         own = _find_mistakes_of_runs(waves, fitted, base, candidates)
         found = min(filter(None, (found, own)), key=lambda f: f.chi2_per_dof, default=None)
     if found is None or found.follow_a_law or _is_cleared(found, base, candidates, physics):
-        return find_wrong_logs(waves, base)
-    return [*find_wrong_logs(waves, found.fit), *found.suspicions]
+        return None
+    return found
 
 
 def _find_mistakes_of_runs(
     waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
 ) -> SuspectFound | None:
-    """The runs without which the others agree, at one temperature or as they warm, or whose
+    """The runs without which the others agree, as they are or beside what else they show, or whose
     dampings do not."""
     cold = _wrong_runs(waves, fitted, base, find_mistakes) or find_leaks(waves, fitted, base)
-    if cold is not None and cold.chi2_per_dof < PHYSICS_RIVAL:
+    if cold is not None and (cold.chi2_per_dof < PHYSICS_RIVAL or _is_sure(cold, base)):
         return cold
-    warm = fit_warming(fitted, candidates, base)
-    if warm is None:
+    beside = fit_warming(fitted, candidates, base) or _fit_beside_causes(
+        waves, fitted, base, candidates
+    )
+    if beside is None:
         return cold
-    warmed = _wrong_runs(waves, warm, warm(waves), find_every_mistake)
+    found = _wrong_runs(waves, beside, beside(waves), find_every_mistake)
     if cold is None or (
-        warmed is not None and warmed.chi2_per_dof * ONE_MORE_RUN < cold.chi2_per_dof
+        found is not None and found.chi2_per_dof * ONE_MORE_RUN < cold.chi2_per_dof
     ):
-        return warmed
+        return found
     return cold
+
+
+def _is_sure(found: SuspectFound, base: ExtendedFit) -> bool:
+    """Whether mistakes without a free number, which what else the runs show could bend, explain all
+    but a hundredth of the misfit."""
+    left, before = found.chi2_per_dof, base.chi2 / base.dof
+    return not found.numbers and left - 1 < (1 - MISTAKES_REMOVE) ** 2 * (before - 1)
+
+
+def _fit_beside_causes(
+    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+) -> Fitted | None:
+    """The fit with the few causes that the others show without the run that is doubted most; None
+    where they agree without one, or show none.
+
+    A wrong run hides what else the runs show, and without that the others do not agree.
+    """
+    without = fit_without_each(waves, [], fitted, base) if len(waves) > 1 else []
+    if not without or not is_gross(without[0][1]):
+        return None
+    others = without[0][1]
+    if others.chi2 / others.dof > base.chi2 / base.dof / ONE_MORE_RUN:
+        return None
+    effects = list(dict.fromkeys(one.effect for one in candidates))
+    nearest = fit_nearest(others, list_variants(effects, others), PHYSICS_RIVAL)
+    causes = [(effect, nearest.values(effect.name)) for effect, _ in nearest.point.active]
+    return add_causes_to_fit(fitted, causes) if causes else None
 
 
 def _is_cleared(
@@ -286,6 +340,8 @@ def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[Suspec
         cases,
         key=lambda case: case.compute_price(noise) + MISTAKE_PRICE * case.reading.parameters,
     )
+    if noise > GROSS:
+        ranked = _put_simpler_first(ranked)
     limit = ranked[0].compute_price(noise) + MISTAKE_PRICE
     alike = [c for c in ranked if c is ranked[0] or c.compute_price(noise) < limit]
 
@@ -296,6 +352,22 @@ def choose_case(cases: Sequence[SuspectCase]) -> tuple[SuspectCase, tuple[Suspec
     as_simple = [c for c in alike if name_rivals(c) == name_rivals(ranked[0])]
     first = min(as_simple, key=lambda case: case.reading.degc_apart)
     return first, tuple(c for c in alike if c is not first)
+
+
+def _put_simpler_first(ranked: Sequence[SuspectCase]) -> list[SuspectCase]:
+    """A reading with fewer numbers that leaves hardly more before the first: beside a gross misfit
+    a number takes up what others cause, by which an inversion is a lateness of nearly half a
+    period."""
+    first = ranked[0]
+    simpler = [
+        case
+        for case in ranked
+        if case.run == first.run
+        and case.reading.parameters < first.reading.parameters
+        and case.chi2 / case.dof < ONE_MORE_RUN * first.chi2 / first.dof
+    ]
+    chosen = min(simpler, key=lambda case: case.reading.parameters, default=first)
+    return [chosen, *(case for case in ranked if case is not chosen)]
 
 
 def _find_culprits(
