@@ -169,34 +169,33 @@ def run_stage(
     all_beside = [path for paths in paths_beside.values() for path in paths]
     store.need_no_input(output, (*inputs, *all_beside))
     text = settings.to_toml({name: values})
-    with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
-        read = {
-            key: [store.read(path, _KIND[stage.beside[key]]) for path in paths]
-            for key, paths in paths_beside.items()
-        }
-        arguments = {
-            **{key: r if key in stage.many_beside else r[0] for key, r in read.items()},
-            **(further or {}),
-            **values,
-        }
-        on_files = _run_on_all if stage.many else _run_on_one
-        result, parents = on_files(stage, inputs, arguments, open_files, progress)
-        parents += [record for records in read.values() for record in records]
-        written = store.write(
-            output,
-            result,
-            force,
-            finish=lambda last: _with_provenance(
-                last, parents, sources.finish(), text, command_line or f"hrg {name}"
-            ),
-        )
-    if isinstance(result, Record):
-        return Outcome(written, report(written, output, started, stage.summarise(written)))
-    with (
-        remove_if_it_fails(output),
-        store.open_record(output, type(written)) as whole,
-    ):  # `written` is only the stream's last block
-        return Outcome(written, report(written, output, started, stage.summarise(whole)))
+    with store.keep_whole_or_none([output]):
+        with ExitStack() as open_files, Sources([*inputs, *all_beside], taken=values) as sources:
+            read = {
+                key: [store.read(path, _KIND[stage.beside[key]]) for path in paths]
+                for key, paths in paths_beside.items()
+            }
+            arguments = {
+                **{key: r if key in stage.many_beside else r[0] for key, r in read.items()},
+                **(further or {}),
+                **values,
+            }
+            on_files = _run_on_all if stage.many else _run_on_one
+            result, parents = on_files(stage, inputs, arguments, open_files, progress)
+            parents += [record for records in read.values() for record in records]
+            written = store.write(
+                output,
+                result,
+                force,
+                finish=lambda last: _with_provenance(
+                    last, parents, sources.finish(), text, command_line or f"hrg {name}"
+                ),
+            )
+        if isinstance(result, Record):
+            return Outcome(written, report(written, output, started, stage.summarise(written)))
+        # `written` is only the stream's last block
+        with store.open_record(output, type(written)) as whole:
+            return Outcome(written, report(written, output, started, stage.summarise(whole)))
 
 
 def _run_on_all(
@@ -236,42 +235,6 @@ def _run_on_one(
     if not isinstance(result, Record):
         result = _watched(result, record, inputs[0], progress)
     return result, [record]
-
-
-@contextmanager
-def remove_if_it_fails(output: Path) -> Iterator[None]:
-    """While a written output is looked at once more: a command that then fails leaves no output.
-
-    Parameters
-    ----------
-    output
-        The file.
-
-    Returns
-    -------
-    context manager
-        Of that look.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> from hrg_cli.pipeline import remove_if_it_fails
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder) / "wave.h5"
-    ...     file.touch()
-    ...     try:
-    ...         with remove_if_it_fails(file):
-    ...             raise ValueError
-    ...     except ValueError:
-    ...         print(file.exists())
-    False
-    """
-    try:
-        yield
-    except BaseException:
-        output.unlink(missing_ok=True)
-        raise
 
 
 def write_first(

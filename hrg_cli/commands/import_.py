@@ -113,7 +113,7 @@ def _import_file(
         )
     facts: dict[str, Any] = {"run_id": getattr(record, "run_id", "")}
     if isinstance(record, Recording):
-        with pipeline.remove_if_it_fails(output), store.open_record(output, Recording) as whole:
+        with store.open_record(output, Recording) as whole:
             facts |= {
                 "samples": len(whole),
                 "duration_s": float(whole.times(len(whole) - 1)[-1]),

@@ -123,22 +123,38 @@ def _simulate_all(
         return [_simulate_one(tasks[0], progress)]
     if tasks[0].values["model"] == "fast":  # the processes leave it to this one
         warn_of_plain_python()
-    reports = run_tasks(
-        _simulate_one,
+    made = run_tasks(
+        _simulate_apart,
         tasks,
         partial(start_processes, jobs),
         lambda count: progress(count / len(tasks)),
+        _take_over,
     )
-    return [_require_report(report, task) for report, task in zip(reports, tasks, strict=True)]
+    return [_require_report(one, task) for one, task in zip(made, tasks, strict=True)]
 
 
-def _require_report(report: dict[str, Any] | None, task: Task) -> dict[str, Any]:
-    if report is None:
+Made = tuple[dict[str, Any], Any]
+"""A run's report, and what the file is known by that another process has written."""
+
+
+def _simulate_apart(task: Task) -> Made:
+    return _simulate_one(task), store.find_own(task.output)
+
+
+def _take_over(task: Task, made: Made | None) -> tuple[()]:
+    """Take a worker's output for the program's own, which goes where another run fails."""
+    if made is not None:
+        store.note_own(task.output, made[1])
+    return ()
+
+
+def _require_report(made: Made | None, task: Task) -> dict[str, Any]:
+    if made is None:
         raise HrgError(
             f"{task.output}: the process that simulated it was killed, probably for want of memory;"
             " simulate with fewer --jobs"
         )
-    return report
+    return made[0]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..errors import UsageError
 from ..extras import warn_of_plain_python
 from ..records import Recording
 from ..reporting import console
-from ..store import check_output, write_whole
+from ..store import check_output, keep_whole_or_none, write_whole
 from ..version import __version__
 from .common import Common
 from .frame import make_command
@@ -121,7 +121,8 @@ def _run_study(
     if folder is not None:
         check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
         folder.mkdir(exist_ok=True)
-        check_output(folder / f"{name}.json", run.force)
+        for output in _list_outputs(folder / name):
+            check_output(output, run.force)
     if values.get("jobs", 1) > 1:  # its processes leave it to this one
         warn_of_plain_python()
     mark: dict[str, Any] = {"settings": {k: v for k, v in values.items() if k not in OF_NO_ROW}}
@@ -162,19 +163,26 @@ def _settings_of_study(
 def _write_study(
     place: Path, figure: Any, shown: Sequence[Any], report: Mapping[str, Any], force: bool
 ) -> None:
-    """Figure, table and report beside one another, each whole or not at all; the report last, so
-    that it says that the others are there."""
-    with write_whole(place.with_suffix(".png"), force) as temporary:
-        figure.savefig(temporary, format="png", dpi=120)
-    with (
-        write_whole(place.with_suffix(".csv"), force) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
-    ):
-        csv.writer(file).writerows([shown[0], *shown[1]])
-    with write_whole(place.with_suffix(".json"), force) as temporary:
-        temporary.write_text(
-            json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
-        )
+    """Figure, table and report beside one another, all whole or none; the report last, so that it
+    says that the others are there."""
+    picture, table, told = outputs = _list_outputs(place)
+    with keep_whole_or_none(outputs):
+        with write_whole(picture, force) as temporary:
+            figure.savefig(temporary, format="png", dpi=120)
+        with (
+            write_whole(table, force) as temporary,
+            temporary.open("w", encoding="utf-8", newline="") as file,
+        ):
+            csv.writer(file).writerows([shown[0], *shown[1]])
+        with write_whole(told, force) as temporary:
+            temporary.write_text(
+                json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
+            )
+
+
+def _list_outputs(place: Path) -> list[Path]:
+    """A study's figure, table and report."""
+    return [place.with_suffix(suffix) for suffix in (".png", ".csv", ".json")]
 
 
 def _resumed(

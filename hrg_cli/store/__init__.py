@@ -25,6 +25,7 @@ from .headings import (
     read_texts,
 )
 from .layout import FORMAT, FORMAT_VERSION, AnyRecord
+from .own_outputs import find_own, note_own
 from .reading import open_record, read, read_any
 from .writing import compute_sha256, order_time, stamp_now, write
 
@@ -36,6 +37,7 @@ __all__ = [
     "compute_sha256",
     "find_changes",
     "find_kind",
+    "find_own",
     "find_provenance",
     "find_unreadable",
     "is_hdf5",
@@ -44,6 +46,7 @@ __all__ = [
     "need_no_input",
     "need_possible",
     "need_readable",
+    "note_own",
     "open_record",
     "order_time",
     "read",

@@ -22,6 +22,7 @@ from pathlib import Path
 
 from ..errors import NO_MEMORY, DiskFullError, HrgError, UsageError, is_no_memory
 from .layout import take_first_line
+from .own_outputs import find_own, note_own, read_stamp, remove_own
 
 LONGEST_NAME = 255
 """Bytes of a file's name, on every usual file system."""
@@ -201,9 +202,12 @@ def write_whole(path: Path | str, force: bool = False) -> Iterator[Path]:
         yield temporary
         if force:
             _keep_rights(path, temporary)
+        stamp = read_stamp(temporary)
+        if force:
             os.replace(temporary, path)
         else:
             _rename_to_new(temporary, path)
+        note_own(path, stamp)
     except OSError as error:
         raise explain_write_error(error, path) from error
     finally:
@@ -217,10 +221,12 @@ def keep_whole_or_none(
 ) -> Iterator[None]:
     """Outputs that belong together: where the block fails, no file that it has written stays.
 
+    What another program has written meanwhile is not touched.
+
     Parameters
     ----------
     outputs
-        The files that the block writes.
+        The files that the block writes, by `write_whole`.
     unless
         Failures after which they stay.
 
@@ -233,34 +239,28 @@ def keep_whole_or_none(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from hrg_cli.store import keep_whole_or_none
+    >>> from hrg_cli.store import keep_whole_or_none, write_whole
     >>> out = Path(tempfile.mkdtemp()) / "first.csv"
     >>> try:
     ...     with keep_whole_or_none([out]):
-    ...         _ = out.write_text("a,b")
+    ...         with write_whole(out) as temporary:
+    ...             _ = temporary.write_text("a,b")
     ...         raise OSError("the second one failed")
     ... except OSError:
     ...     out.exists()
     False
     """
-    before = {path: _stamp(path) for path in outputs}
+    before = {path: find_own(path) for path in outputs}
     try:
         yield
     except unless:
         raise
     except BaseException:
         for path, stamp in before.items():
-            if _stamp(path) not in (None, stamp) and path.is_file():
-                with contextlib.suppress(OSError):
-                    path.unlink()
+            if find_own(path) != stamp:
+                remove_own(path)
+            remove_stale(path.parent, shorten_name(path))  # of processes that worked for the block
         raise
-
-
-def _stamp(path: Path) -> tuple[int, int] | None:
-    with contextlib.suppress(OSError):
-        found = path.stat()
-        return found.st_ino, found.st_mtime_ns
-    return None
 
 
 @contextlib.contextmanager
@@ -307,15 +307,31 @@ def _keep_rights(path: Path, temporary: Path) -> None:
 
 
 def _rename_to_new(temporary: Path, path: Path) -> None:
-    """Rename unless another writer has made `path` meanwhile."""
+    """Rename unless another writer has made `path` meanwhile, in one step that only one of several
+    writers can take."""
     try:
-        os.link(temporary, path)
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links
+            _rename_to_claimed(temporary, path)
     except FileExistsError as error:
         raise HrgError(
             f"{path}: was written by another program meanwhile; this result was dropped"
         ) from error
-    except OSError:
+
+
+def _rename_to_claimed(temporary: Path, path: Path) -> None:
+    """Rename to a name that an empty file of this program's own holds free of others'.
+    FileExistsError: another has it."""
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+    try:
         os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        raise
 
 
 def shorten_name(path: Path) -> str:

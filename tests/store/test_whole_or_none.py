@@ -18,6 +18,7 @@ from hrg_cli.commands import diagnose as diagnose_command
 from hrg_cli.commands import simulate as simulate_command
 from hrg_cli.errors import HrgError
 from hrg_cli.reporting import console
+from hrg_cli.store import atomic
 
 ROOT = Path(__file__).parents[2]
 GYRO = """
@@ -35,20 +36,73 @@ class LeavingError(Exception):
     """A way out that is no failure."""
 
 
+def write(path, text="now"):
+    with store.write_whole(path, force=True) as temporary:
+        temporary.write_text(text)
+
+
 def test_only_what_was_written_is_dropped(tmp_path):
-    kept, new, changed = (tmp_path / name for name in ("kept", "new", "changed"))
+    names = ("kept", "new", "changed", "foreign", "overwritten", "swapped")
+    kept, new, changed, foreign, overwritten, swapped = (tmp_path / name for name in names)
     kept.write_text("before")
     changed.write_text("before")
-    with pytest.raises(HrgError), store.keep_whole_or_none([kept, new, changed]):
-        new.write_text("now")
-        with store.write_whole(changed, force=True) as temporary:
-            temporary.write_text("now")
+    outputs = [kept, new, changed, foreign, overwritten, swapped]
+    with pytest.raises(HrgError), store.keep_whole_or_none(outputs):
+        for path in (new, changed, overwritten, swapped):
+            write(path)
+        foreign.write_text("precious")
+        overwritten.write_text("precious")
+        swapped.unlink()
+        swapped.write_text("precious")
         raise HrgError("later")
-    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "kept": "before",
+        "foreign": "precious",
+        "overwritten": "precious",
+        "swapped": "precious",
+    }
     with pytest.raises(LeavingError), store.keep_whole_or_none([new], unless=(LeavingError,)):
-        new.write_text("now")
+        write(new)
         raise LeavingError
     assert new.read_text() == "now"
+
+
+@pytest.mark.parametrize("links", [True, False])
+@pytest.mark.parametrize(
+    ("words", "output"),
+    [
+        (("demodulate", "recording.h5"), "out.h5"),
+        (("report", "recording.h5"), "out.html"),
+        (("export", "recording.h5"), "out.csv"),
+        (("info", "recording.h5"), "out.json"),
+        (("simulate", "gyro.toml"), "out-2.h5"),
+    ],
+)
+def test_what_another_program_wrote_meanwhile_stays(
+    words, output, links, hrg, tmp_path, monkeypatch
+):
+    """It was deleted: the command that came second dropped its own result and the other's too."""
+    store.write(tmp_path / "recording.h5", ringing(seconds=0.2))
+    (tmp_path / "gyro.toml").write_text(GYRO.format(duration_s=0.1) + RUNS)
+    before = {path.name for path in tmp_path.iterdir()}
+    rename = atomic._rename_to_new
+
+    def second(temporary, path):
+        if path.name == output:
+            path.write_text("precious")
+        rename(temporary, path)
+
+    def fail(*given):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(atomic, "_rename_to_new", second)
+    if not links:  # a disk of another system
+        monkeypatch.setattr(os, "link", fail)
+    given = output.replace("-2", "")
+    done = hrg(words[0], tmp_path / words[1], "-o", tmp_path / given)
+    assert done.status == 1 and "by another program meanwhile" in done.err, done
+    assert (tmp_path / output).read_text() == "precious"
+    assert {path.name for path in tmp_path.iterdir()} == before | {output}
 
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(28, "No space left on device")])
