@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from . import pipeline, settings, store
-from .errors import HrgError
+from .errors import HrgError, name_some
 from .executors import run_tasks, start_processes
 from .extras import warn_of_plain_python
 from .records import Calibration, Diagnosis, Periods, Record, Recording, Resonator, Source, Wave
@@ -59,8 +59,8 @@ def rehearse_file(
     Raises
     ------
     HrgError
-        Another kind of file, an input that is not found or was changed, no twin can be made, too
-        much work.
+        Another kind of file, one that was changed since it was written, an input that is not found
+        or was changed, no twin can be made, too much work.
 
     Examples
     --------
@@ -84,6 +84,7 @@ def rehearse_file(
         raise HrgError(
             f"{path}: is a {kind.kind} file; a resonator, a calibration or a diagnosis is rehearsed"
         )
+    written = None if written_by is None else need_as_written(path)
     record = store.read(path, kind)
     stage = STAGE_OF[kind]
     own = settings.check_settings(
@@ -106,8 +107,65 @@ def rehearse_file(
         raise HrgError(f"{path}: {error}") from error
     judged = judge_by_rehearsal(record, told)
     if written_by is not None:
+        if store.compute_sha256(path) != written:
+            raise HrgError(
+                f"{path}: was changed by another program while it was rehearsed; the verdict is not"
+                " written into it: rehearse again"
+            )
         write_verdict(path, judged, written_by)
     return judged, told
+
+
+def need_as_written(path: Path) -> str:
+    """See to it that a file which is to be written anew, with new checksums, is as it was written:
+    these would vouch for what was changed since.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    str
+        SHA-256 of its bytes, by which it is known again.
+
+    Raises
+    ------
+    HrgError
+        Something in it was changed, or it keeps no checksums that would tell.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import h5py
+    >>> import numpy as np
+    >>> from hrg_cli import HrgError, Recording, store
+    >>> from hrg_cli.rehearsal import need_as_written
+    >>> with TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.h5"
+    ...     run = Recording(c=np.zeros(2), s=np.zeros(2), sample_rate_hz=4.0, mode="free")
+    ...     _ = store.write(file, run)
+    ...     print(len(need_as_written(file)))
+    ...     with h5py.File(file, "a") as opened:
+    ...         opened["recording/c"][0] = 1.0
+    ...     try:
+    ...         need_as_written(file)
+    ...     except HrgError as error:
+    ...         print(str(error).split("run.h5: ")[1].split(",")[0])
+    64
+    the values of /recording/c were changed since it was written
+    """
+    digest = store.compute_sha256(path)
+    changes = store.find_changes(path)
+    if not changes and changes is not None:
+        return digest
+    why = "keeps no checksums" if changes is None else f"{name_some(changes)} since it was written"
+    raise HrgError(
+        f"{path}: {why}, and a verdict written into it would vouch for what it holds now: make it"
+        " again, or hear the verdict alone with --keep-file"
+    )
 
 
 def write_verdict(path: Path, judged: Record, typed: str) -> None:

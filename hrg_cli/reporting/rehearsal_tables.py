@@ -11,7 +11,7 @@ from .figure_names import name_figure
 from .page_table import PageTable
 from .text import format_hundredths
 
-HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %")
+HEAD = ("figure", "bias/σ", "error/σ, rms", "within 68 %", "within 95 %", "σ, file/twins")
 
 
 def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
@@ -34,13 +34,14 @@ def tabulate_rehearsal(told: Mapping[str, Any]) -> list[PageTable]:
     >>> told = {"times": 9, "truth": "the file's parameters", "causes": []}
     >>> told["figures"] = [figure | {"coverage_68": 0.67, "coverage_95": 1.0}]
     >>> tabulate_rehearsal(told)[0].rows
-    [('scale factor K', '−0.10', '1.00', '67 %', '100 %')]
+    [('scale factor K', '−0.10', '1.00', '67 %', '100 %', '')]
     """
     rows = [
         (
             name_figure(f["name"]),
             *(format_hundredths(f[key]) for key in ("bias_over_std", "error_over_std_rms")),
             *(f"{100 * f[key]:.0f} %" for key in ("coverage_68", "coverage_95")),
+            "" if f.get("std_ratio") is None else format_hundredths(f["std_ratio"]),
         )
         for f in told["figures"]
     ]

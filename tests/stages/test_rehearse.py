@@ -4,10 +4,11 @@ small ones become suspect."""
 import json
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
-from hrg_cli import settings, store
+from hrg_cli import rehearsal, settings, store
 from hrg_cli.errors import HrgError
 from hrg_cli.fitting.envelopes import rows
 from hrg_cli.fitting.envelopes.coordinates import SPLIT_COMPONENTS
@@ -168,6 +169,71 @@ def test_limits_leave_right_results_alone_and_find_wrong_ones():
     for times in (4, 30):
         assert blamed(times) < 0.03
     assert blamed(30, 2.0) > 0.99 and blamed(30, 0.4) > 0.99 and blamed(30, bias=2.0) > 0.99
+
+
+def test_a_std_that_the_programme_does_not_give_is_told(inputs):
+    """Twins were held against their own σ alone: a file of a fifth of its σ was "valid"."""
+    result = identify([m.wave for m in inputs])
+    small = result.replace(std=result.std / 5, covariance=result.covariance / 25)
+    told = rehearse(small, inputs, own(), times=4)
+    assert told.status == "suspect" and len(told.reasons) == len(result.name), told.reasons
+    assert all(f.std_ratio == pytest.approx(0.2, rel=0.3) for f in told.figures)
+    place = list(result.name).index("scale_factor")
+    large = result.std * np.where(np.arange(len(result.std)) == place, 2.0, 1.0)
+    told = rehearse(result.replace(std=large), inputs, own(), times=4)
+    assert len(told.reasons) == 1 and "states of scale_factor is 1.9" in told.reasons[0]
+
+
+def spoil(path, place, factor):
+    with h5py.File(path, "a") as file:
+        file[place][...] *= factor
+
+
+def test_nothing_is_written_into_a_file_that_was_changed(folder, hrg):
+    """It was sealed again: `verify` told of the change before, and found the file whole after."""
+    found = folder / "resonator.h5"
+    spoil(found, "resonator/std", 0.2)
+    before = found.read_bytes()
+    done = hrg("rehearse", found, "--times", "2")
+    assert done.status == 1 and "the values of /resonator/std were changed" in done.err, done
+    told = hrg("rehearse", found, "--times", "4", "--keep-file", "--json")
+    assert told.status in (0, 3) and told.json["status"] == "suspect", told
+    assert "states of damping_rate_1_s is 0." in " ".join(told.json["status_reasons"])
+    assert found.read_bytes() == before and hrg("verify", found).status == 3
+    with h5py.File(found, "a") as file:
+        del file.attrs["checksums"]
+    assert "keeps no checksums" in hrg("rehearse", found, "--times", "2").err
+
+
+def test_a_file_that_is_replaced_meanwhile_is_left_alone(folder, hrg, monkeypatch):
+    found, repeat = folder / "resonator.h5", rehearsal.rehearse
+
+    def replaced(*given, **more):
+        found.write_bytes(b"another's")
+        return repeat(*given, **more)
+
+    monkeypatch.setattr(rehearsal, "rehearse", replaced)
+    done = hrg("rehearse", found, "--times", "2")
+    assert done.status == 1 and "while it was rehearsed" in done.err, done
+    assert found.read_bytes() == b"another's"
+
+
+@pytest.mark.parametrize(("of_each", "common"), [((3.0, 0.0), 0.0), ((0.0, 0.0), 3.0)])
+def test_a_twin_has_the_noise_of_either_channel(of_each, common):
+    """It had the mean of both in each: the σ that a file states of noise on one channel, which the
+    likelihood weighs, was 0.6 of the twins'."""
+    made = []
+    for number, run in enumerate(("up", "down")):
+        recording = collect(simulate(TOML, run=run, seed=5 + number))
+        noise = 1e-3 * np.random.default_rng(number).normal(size=(3, len(recording.c)))
+        c, s = np.asarray(of_each)[:, None] * noise[:2] + common * noise[2]
+        recording = recording.replace(c=recording.c + c, s=recording.s + s)
+        wave = collect(estimate(collect(demodulate(recording, **WINDOWS))))
+        made.append(Measured(wave, RATE_HZ, None, dict(WINDOWS)))
+    told = rehearse(identify([m.wave for m in made]), made, own(), times=4)
+    ratios = {f.name: f.std_ratio for f in told.figures}
+    assert told.status == "valid", told.reasons
+    assert 0.85 < ratios["damping_rate_1_s"] < 1.15 and 0.85 < ratios["scale_factor"] < 1.15
 
 
 def test_an_earlier_verdict_is_replaced(inputs):
@@ -422,6 +488,13 @@ def test_a_diagnosis_is_rehearsed_with_its_extended_model_for_truth(inputs):
     judged = judge_by_rehearsal(result, told)
     assert json.loads(judged.report)["rehearsal"]["times"] == 2
     assert judged.extended_model == result.extended_model
+    assert not [r for r in told.reasons if "that the file states" in r]
+    report = json.loads(result.report)
+    for figure in report["effects"][0]["parameters"].values():
+        figure["std"] /= 5
+    spoilt = result.replace(report=json.dumps(report))
+    told = rehearse(spoilt, made, settings.check_settings(diagnose, {}), times=3)
+    assert "states of gain_mismatch gain is 0.2" in " ".join(told.reasons), told.reasons
 
     assert "is named in 1 of 30" in Named("gain_mismatch", True, 1, 30).describe_fault(1)
     assert "does not hold it" in Named("saturation", False, 9, 30).describe_fault(1)
@@ -502,6 +575,12 @@ def test_tables_are_rehearsed_with_themselves_for_truth(driven):
     result = calibrate([m.wave for m in made], **asked)
     told = rehearse(result, made, settings.check_settings(calibrate, asked), times=4)
     assert told.status == "valid" and len(told.figures) == 6, told.reasons
+    spoilt = {f"{kind}_harmonics_std": 5.0 for kind in ("drift", "scale_factor")}
+    spoilt = {key: getattr(result, key) / factor for key, factor in spoilt.items()}
+    held = rehearse(
+        result.replace(**spoilt), made, settings.check_settings(calibrate, asked), times=6
+    )
+    assert held.reasons and all("states of " in reason for reason in held.reasons), held.reasons
     assert 0.5 < np.sqrt(np.mean([f.error_over_std_rms**2 for f in told.figures])) < 1.6
     # the same over frequency, which no thermometer tells
     by_frequency = asked | {"axis": "frequency"}

@@ -28,6 +28,11 @@ class RehearsedFigure(Shape):
     """Most rms that passes."""
     rms_least: Number
     """Least rms that passes."""
+    std_ratio: Number = None
+    """The file's own σ over the median of those of the simulated twins; null where it states none
+    of the same figure."""
+    std_limit: Number = None
+    """Factor either way that passes."""
 
 
 class NamedAgain(Shape):

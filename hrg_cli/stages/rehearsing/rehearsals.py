@@ -172,6 +172,8 @@ def _judge_figures(good: Sequence[Rehearsed]) -> list[FigureStatistics]:
             np.array([figure.compute_t() for figure in found]),
             len(estimated),
             doubted=any(figure.doubted for figure in found),
+            stated=float(np.median([figure.stated for figure in found])),
+            std=np.array([figure.std for figure in found]),
         )
         for name, found in estimated.items()
     ]

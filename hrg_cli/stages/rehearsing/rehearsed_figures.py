@@ -32,6 +32,8 @@ class RehearsedFigure:
     period: float = 0.0
     doubted: bool = False
     """Whether its σ holds, beside what repeats scatter by, what the data could not have shown."""
+    stated: float = 0.0
+    """The σ that the file itself states of it; 0 where it states none of the very same figure."""
 
     def compute_t(self) -> float:
         """(estimate − truth)/σ, an angle modulo its period."""
@@ -101,6 +103,7 @@ def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, Rehear
             true[name][0],
             period if name.endswith("axis_rad") else 0.0,
             doubted=name in sums,
+            stated=true[name][1],
         )
         for name, (value, std, _) in record.parameters().items()
         if name in true and np.isfinite(std) and std > 0
@@ -110,17 +113,23 @@ def _compare_parameters(record: Resonator, truth: Resonator) -> dict[str, Rehear
             found.pop(size, None)
             found.pop(axis, None)
             vector = true[size][0] * np.exp(2j * truth.mode_number * true[axis][0])
-            seen = json.loads(record.details).get("split_components", {})
+            seen, own = (json.loads(r.details).get("split_components", {}) for r in (record, truth))
             found |= {
                 name: RehearsedFigure(
-                    seen[name]["value"], seen[name]["std"], put_in, doubted=size in sums
+                    seen[name]["value"],
+                    seen[name]["std"],
+                    put_in,
+                    doubted=size in sums,
+                    stated=own.get(name, {}).get("std", 0.0),
                 )
                 for name, put_in in zip(components, (vector.real, vector.imag), strict=True)
                 if name in seen and seen[name]["std"] > 0
             }
     rate, true_rate = (json.loads(r.details).get("rate_rad_s") for r in (record, truth))
     if rate and true_rate and rate["std"] > 0:
-        found["rate_rad_s"] = RehearsedFigure(rate["value"], rate["std"], true_rate["value"])
+        found["rate_rad_s"] = RehearsedFigure(
+            rate["value"], rate["std"], true_rate["value"], stated=true_rate["std"]
+        )
     return found
 
 
@@ -133,7 +142,8 @@ def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str,
         sign = find_sign(name, seen, true)
         for key, (value, std) in seen.items():
             if key in true:
-                found[f"{name} {key}"] = RehearsedFigure(sign * value, std, true[key][0])
+                put_in, stated = true[key]
+                found[f"{name} {key}"] = RehearsedFigure(sign * value, std, put_in, stated=stated)
     period = np.pi / int(truth.read_report().get("mode_number", 2))
     beside = list_base_values(truth)
     lost = {
@@ -146,7 +156,8 @@ def _compare_sizes(record: Diagnosis, truth: Diagnosis, twin: Twin) -> dict[str,
     for name, (value, std) in list_base_values(record).items():
         if name in beside and name not in lost and np.isfinite(std) and std > 0:
             axis = period if name.endswith("axis_rad") else 0.0
-            found[name] = RehearsedFigure(value, std, beside[name][0], axis, name in sums)
+            put_in, stated = beside[name]
+            found[name] = RehearsedFigure(value, std, put_in, axis, name in sums, stated)
     return found
 
 
@@ -160,6 +171,7 @@ def _compare_coefficients(
     large it may be: its σ says that, and its estimate hardly moves.
     """
     found = {}
+    same_nodes = len(record.node) == len(truth.node)
     for kind, limit in (
         ("drift_harmonics", "harmonics"),
         ("scale_factor_harmonics", "scale_factor_harmonics"),
@@ -182,11 +194,13 @@ def _compare_coefficients(
                     # says more of it than the file
                     told = max(float(std[node, k]), abs(float(known[node, k])))
                     unseen = k > 0 and abs(true[node, k]) < CLEAR * told
+                    doubted = bool(unseen and settings.get(limit) is None)
                     found[name] = RehearsedFigure(
                         float(values[node, k]),
                         told if unseen else float(std[node, k]),
                         float(true[node, k]),
-                        doubted=bool(unseen and settings.get(limit) is None),
+                        doubted=doubted,
+                        stated=float(known[node, k]) if same_nodes and not unseen else 0.0,
                     )
     return found
 

@@ -20,6 +20,7 @@ from ..simulate import simulate_run
 from ..simulation_file import list_runs
 from .rehearsed_figures import Rehearsed, compare_figures
 from .twin import Twin
+from .twin_channels import add_noise
 from .twin_diagnosis import list_causes
 from .twin_effects import make_effects
 
@@ -121,9 +122,13 @@ def make_wave(twin: Twin, number: int, seed: int) -> Wave:
     extra = make_effects(twin, number, seed)
     model: Literal["fast", "slow"] = "slow" if any(e.slow is not no_term for e in extra) else "fast"
     config["effects"] = {**config.get("effects", {}), **{effect.name: {} for effect in extra}}
-    (settings,) = (one for one in list_runs(config) if one.run_id == run.name)
+    alike, more = run.channels
+    readout = config["run"][number]["readout"]
+    quiet = {**config["run"][number], "readout": {**readout, "noise": alike * readout["noise"]}}
+    (settings,) = (one for one in list_runs({**config, "run": [quiet]}) if one.run_id == run.name)
     paths = twin.motions.setdefault(number, [])
     recording = collect(simulate_run(settings, extra, model=model, seed=seed, followed=paths))
+    recording = add_noise(recording, readout["noise"], more, seed)
     if sum(len(path.time_s) for path in paths) > MOST_NODES:
         del twin.motions[number]
     periods = collect(demodulate(recording, **checking.check_settings(demodulate, run.demodulate)))

@@ -15,7 +15,7 @@ from ...records import REHEARSAL as PREFIX
 
 Array = np.ndarray
 LARGEST_RATIO = 1.3
-"""Factor by which a σ may miss the error it stands for."""
+"""Factor by which a σ may miss the error it stands for, and the σ that the twins state."""
 LARGEST_BIAS = 1.0
 """Bias in standard deviations that a result may have."""
 CHANCE = 0.01
@@ -41,6 +41,10 @@ class FigureStatistics:
     bias_limit: float
     rms_limit: float
     rms_least: float
+    std_ratio: float | None = None
+    """The file's own σ over the median of those that the twins' results state; None where it states
+    none of the same figure."""
+    std_limit: float | None = None
 
     def describe_fault(self) -> str:
         """What is wrong with the figure's error, or nothing."""
@@ -62,7 +66,20 @@ class FigureStatistics:
                 f" {self.error_over_std_rms:.3g} of its standard deviation ({self.count} times), at"
                 f" least {1 / LARGEST_RATIO:.2f} was expected"
             )
-        return ""
+        return self._describe_stated()
+
+    def _describe_stated(self) -> str:
+        """What is wrong with the σ that the file states, or nothing."""
+        if self.std_ratio is None or self.std_limit is None:
+            return ""
+        if 1 / self.std_limit <= self.std_ratio <= self.std_limit:
+            return ""
+        return (
+            f"{PREFIX}the standard deviation that the file states of {self.name} is"
+            f" {self.std_ratio:.3g} times the one that the same programme on a simulated twin"
+            f" states ({self.count} times), a factor of {LARGEST_RATIO:g} at most was expected:"
+            " make the file again"
+        )
 
 
 @dataclass(frozen=True)
@@ -93,13 +110,21 @@ class Named:
 
 
 def judge_figure(
-    name: str, t: Array, figures: int = 1, *, doubted: bool = False
+    name: str,
+    t: Array,
+    figures: int = 1,
+    *,
+    doubted: bool = False,
+    stated: float = 0.0,
+    std: Array | None = None,
 ) -> FigureStatistics:
     """Statistics of a figure's errors over all rehearsals, and the limits that a right figure
     keeps.
 
     Chance exceeds one of the limits of `figures` right figures with the probability `CHANCE` only:
-    Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n.
+    Σt² of n Gaussian errors is χ² of n, their mean has the standard deviation 1/√n, and the
+    logarithm of one more σ lies about theirs by Student's t of n − 1 times their scatter √(1 + 1/n)
+    (e.g. ISO 16269-8).
 
     Parameters
     ----------
@@ -111,6 +136,10 @@ def judge_figure(
         Among how many it is judged.
     doubted
         Its σ holds more than repeats scatter by, so that it is never too wide.
+    stated
+        The file's own σ of it; 0: it states none.
+    std
+        The σ (n,) that the rehearsals state of it, in the same unit.
 
     Returns
     -------
@@ -126,10 +155,13 @@ def judge_figure(
     (0.0, 3.0, 0.0)
     >>> told.rms_limit < 1.5
     True
+    >>> told = judge_figure("K", np.resize([1.0, -1.0], 30), stated=0.2, std=np.full(30, 1.0))
+    >>> told.std_ratio, told.std_limit
+    (0.2, 1.3)
     """
     from scipy.special import chdtri, ndtri
 
-    n, tail = len(t), CHANCE / 3 / figures  # too far to one side, too wide, too narrow
+    n, tail = len(t), CHANCE / 4 / figures  # too far to one side, too wide, too narrow, misstated
     return FigureStatistics(
         name,
         float(np.mean(t)),
@@ -140,4 +172,22 @@ def judge_figure(
         max(LARGEST_BIAS, float(-ndtri(tail / 2) / np.sqrt(n))),
         max(LARGEST_RATIO, float(np.sqrt(chdtri(n, tail) / n))),
         0.0 if doubted else min(1 / LARGEST_RATIO, float(np.sqrt(chdtri(n, 1 - tail) / n))),
+        *_compare_stated(stated, std, tail),
     )
+
+
+def _compare_stated(
+    stated: float, std: Array | None, tail: float
+) -> tuple[float, float] | tuple[None, None]:
+    """A stated σ over the median of those (n,) that rehearsals state, and the factor either way
+    that chance exceeds with the probability `tail`; nothing where there is nothing to compare."""
+    from scipy.special import stdtrit
+
+    if std is None or not (np.isfinite(stated) and stated > 0):
+        return None, None
+    logs = np.log(std)
+    n = len(logs)
+    reach = -stdtrit(n - 1, tail / 2) * np.std(logs, ddof=1) * np.sqrt(1 + 1 / n)
+    largest = np.log(np.finfo(float).max) / 2
+    limit = max(LARGEST_RATIO, float(np.exp(min(reach, largest))))
+    return float(np.exp(np.log(stated) - np.median(logs))), limit

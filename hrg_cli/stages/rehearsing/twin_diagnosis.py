@@ -15,6 +15,7 @@ from ...records import Diagnosis
 from ...settings import parse_toml
 from . import twin_colour
 from .twin import Twin
+from .twin_channels import split_noise
 from .twin_run import Measured, TwinRun, choose_sample_rate, name_run, write_carrier
 
 COHERENT = {effect.name for effect in EFFECTS if effect.coherent}
@@ -97,7 +98,7 @@ def make_twin_of_diagnosis(
         windows.setdefault("periods_per_window", max(1.0, wave.window_s * frequency))
         one = TwinRun(run["run_id"], windows, measured.estimate, carried, missing, colour)
         std = float(np.nanmedian(wave.signal_std))
-        runs.append(replace(one, std=std, window_s=wave.window_s))
+        runs.append(replace(one, std=std, window_s=wave.window_s, channels=split_noise(wave)))
     config = {**config, "recording": tables[0]["recording"], "run": tables}
     return Twin(config, runs, "diagnose", dict(settings), truth)
 

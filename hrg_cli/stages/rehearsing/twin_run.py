@@ -22,6 +22,7 @@ from ..run_tables import (
     make_temperature_course,
 )
 from . import twin_mode
+from .twin_channels import split_noise
 from .twin_colour import Colour
 
 Array = np.ndarray
@@ -70,6 +71,8 @@ class TwinRun:
     """Times (k,) and frequencies (k,), Hz."""
     silent: bool = False
     """The second channel held nothing."""
+    channels: tuple[float, tuple[float, float]] = (1.0, (0.0, 0.0))
+    """How its channels share the noise, as `split_noise` says it."""
 
 
 def imitate_run(
@@ -170,6 +173,7 @@ def _name_twin(
         std=float(np.nanmedian(wave.signal_std)),
         silent=twin_mode.has_one_signal(wave),
         window_s=wave.window_s,
+        channels=split_noise(wave),
     )
 
 
