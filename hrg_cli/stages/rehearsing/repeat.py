@@ -18,9 +18,9 @@ from ..estimate import estimate
 from ..identify import identify
 from ..simulate import simulate_run
 from ..simulation_file import list_runs
+from .channel_shares import add_noise
 from .rehearsed_figures import Rehearsed, compare_figures
 from .twin import Twin
-from .twin_channels import add_noise
 from .twin_diagnosis import list_causes
 from .twin_effects import make_effects
 

@@ -14,8 +14,8 @@ from ...errors import HrgError
 from ...records import Diagnosis
 from ...settings import parse_toml
 from . import twin_colour
+from .channel_shares import split_noise
 from .twin import Twin
-from .twin_channels import split_noise
 from .twin_run import Measured, TwinRun, choose_sample_rate, name_run, write_carrier
 
 COHERENT = {effect.name for effect in EFFECTS if effect.coherent}

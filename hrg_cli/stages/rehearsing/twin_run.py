@@ -22,7 +22,7 @@ from ..run_tables import (
     make_temperature_course,
 )
 from . import twin_mode
-from .twin_channels import split_noise
+from .channel_shares import split_noise
 from .twin_colour import Colour
 
 Array = np.ndarray

@@ -35,7 +35,7 @@ def split_noise(wave: Wave) -> tuple[float, tuple[float, float]]:
 
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
-    >>> from hrg_cli.stages.rehearsing.twin_channels import split_noise
+    >>> from hrg_cli.stages.rehearsing.channel_shares import split_noise
     >>> wave = Told(channel_std=np.array([[3.0, 0.0]]), noise_correlation=None)
     >>> alike, more = split_noise(wave)
     >>> alike, round(abs(more[0]), 6), more[1]
@@ -78,7 +78,7 @@ def add_noise(
     --------
     >>> import numpy as np
     >>> from hrg_cli import Recording
-    >>> from hrg_cli.stages.rehearsing.twin_channels import add_noise
+    >>> from hrg_cli.stages.rehearsing.channel_shares import add_noise
     >>> run = Recording(c=np.zeros(4000), s=np.zeros(4000), sample_rate_hz=4.0, mode="free")
     >>> noisy = add_noise(run, 0.5, (2.0, 0.0), 1)
     >>> round(float(np.std(noisy.c)), 1), float(np.std(noisy.s))
