@@ -170,7 +170,22 @@ def restrict_to_known_rates(usable: Usable, given: Collection[str] = ()) -> Usab
             f"{_tell_first(doubts)}; no run is left: log the rate over the whole run, or give"
             " the rate with rate_rad_s"
         )
+    notes += _tell_unlogged(usable.waves, given)
     return replace(usable, waves=waves, notes=tuple(notes), doubts=tuple(doubts))
+
+
+def _tell_unlogged(waves: Sequence[Wave], given: Collection[str]) -> list[str]:
+    """A sentence on runs that log no rate among runs that log theirs, where none is given."""
+    told = [wave for wave in waves if wave.run_id not in given]
+    names = list(dict.fromkeys(wave.run_id or "?" for wave in told if wave.rate_rad_s is None))
+    if not names or all(wave.rate_rad_s is None for wave in told):
+        return []
+    one = len(names) == 1
+    return [
+        f"run{'' if one else 's'} {name_some(names)} {'logs' if one else 'log'} no rate, unlike the"
+        f" others, and {'is' if one else 'are'} taken to be at rest: where the table turned, add"
+        f" the rate to {'its log' if one else 'their logs'}"
+    ]
 
 
 def name_apart(waves: Sequence[Wave]) -> tuple[Wave, ...]:

@@ -239,3 +239,39 @@ def test_one_dead_channel_is_named_still():
     even = Mechanics(4987.3, 0.31, 0.0, 0.0, 0.0, 0.0, 0.55)
     with pytest.raises(HrgError, match="one channel alone"):
         diagnose([run_down(0.0, mechanics=even, ratio=0.0, seed=1, window=8e-3)])
+
+
+SAID = "logs no rate, unlike the others, and is taken to be at rest"
+
+
+def unlogged(runs):
+    return [runs[0].replace(rate_rad_s=None, run_id="dumb"), *runs[1:]]
+
+
+def tell_unlogged(found):
+    return [reason for reason in found.status_reasons if "no rate, unlike" in reason]
+
+
+def test_a_run_that_logs_no_rate_among_others_is_named(turned):
+    """It was taken to be at rest without a word, right or wrong."""
+    runs = [run_down(0.3 + k, r, seed=k, seconds=2.0) for k, r in enumerate((0.0, 1.0, -1.0))]
+    for stage in (identify, diagnose):
+        (said,) = tell_unlogged(stage(unlogged(runs)))
+        assert f"run dumb {SAID}" in said
+    assert not tell_unlogged(identify(runs)) and not tell_unlogged(
+        identify([wave.replace(rate_rad_s=None) for wave in runs])
+    )
+    driven = unlogged(turned[1])
+    asked = {"harmonics": 1, "scale_factor_harmonics": 1, "bootstrap": 0}
+    with pytest.raises(HrgError, match="no rate log"):  # never at rest for sure
+        calibrate(driven, **asked)
+    for given in ({"rates_rad_s": {"dumb": -0.6}}, {"rate_rad_s": -0.6}):
+        assert not tell_unlogged(calibrate(driven, **asked, **given))
+
+
+def test_a_run_without_a_log_is_not_told_to_correct_it():
+    rates = (0.0, 1.0, -1.4, 0.6)
+    runs = [run_down(0.3 + k, r, seed=k, seconds=2.0) for k, r in enumerate(rates)]
+    runs[3] = runs[3].replace(rate_rad_s=None, run_id="dumb")
+    (said,) = [r for r in identify(runs).status_reasons if "contradict each other" in r]
+    assert "leave out dumb" in said and said.endswith("or log its rate (dumb logs none)")

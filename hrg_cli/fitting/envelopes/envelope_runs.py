@@ -37,7 +37,7 @@ class EnvelopeRun:
     `whitening` of the channels' noise (2, 2), None where both have the same, and their `shares` of
     it, C's and S's variance over the mean of both (`channel_noise`); `lead_rad` (n,): by how much
     the phase of a row, which is the mean of its windows' phases, runs ahead of that in its middle,
-    None where rows are windows."""
+    None where rows are windows; `rate_logged` False: no log tells how the table turned."""
 
     run_id: str
     time_s: Array
@@ -52,6 +52,7 @@ class EnvelopeRun:
     whitening: Array | None = None
     shares: tuple[float, float] = (1.0, 1.0)
     lead_rad: Array | None = None
+    rate_logged: bool = True
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -343,6 +344,7 @@ def select_good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -
         or not np.all(np.asarray(wave.phase_rad_std, float)[chosen] > PHASE_UNKNOWN_RAD),
         whitening=channel_noise.compute_whitening(channel_std, wave.noise_correlation, u),
         shares=channel_noise.find_shares(channel_std),
+        rate_logged=wave.rate_rad_s is not None,
     )
 
 

@@ -122,7 +122,8 @@ def prepare(
     >>> len(found.forced), len(found.refusals) > 0
     (1, True)
     """
-    usable = restrict_to_known_rates(drop_refused(waves), rates.of_runs)
+    given = [wave.run_id for wave in waves if rates.find_rate(wave) is not None]
+    usable = restrict_to_known_rates(drop_refused(waves), given)
     with usable.blame_refusals():
         paths = [
             build_path(

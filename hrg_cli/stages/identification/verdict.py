@@ -407,33 +407,35 @@ def refuse_contradictions(
     """
     if len(runs) < 2 or verdict.chi2_per_dof < CONTRADICTION:
         return
-    found = []
+    found, unlogged = [], []
     for i in np.argsort(-verdict.run_chi2_per_dof)[:CANDIDATES]:
         try:
             fit = again([r for k, r in enumerate(runs) if k != i])
         except HrgError:
             continue
         if fit.chi2 / fit.dof < verdict.chi2_per_dof / CONTRADICTION:
-            found.append(
-                f"{runs[i].run_id or f'run {i + 1}'} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)"
-            )
+            name = runs[i].run_id or f"run {i + 1}"
+            found.append(f"{name} (χ²/dof {fit.chi2 / fit.dof:.3g} without it)")
+            unlogged += [] if runs[i].rate_logged else [name]
     if not found:
         return
     bad = f"χ²/dof = {verdict.chi2_per_dof:.3g}: the"
+    without = f" ({' and '.join(unlogged)} logs none)" if unlogged else ""
     if len(runs) == 2:
         verdict.refused.append(
             f"{bad} two runs contradict each other, though each alone is a resonator's; two cannot"
-            " tell which is wrong: check both rate logs, or add a third run"
+            f" tell which is wrong: check both rate logs{without}, or add a third run"
         )
     elif len(runs) == 3 and len(found) > 1:
         verdict.refused.append(
             f"{bad} three runs contradict each other; without {' or '.join(found)} the other two"
-            " agree, so it cannot be told which is wrong: check the rate logs, or add a run"
+            f" agree, so it cannot be told which is wrong: check the rate logs{without}, or add a"
+            " run"
         )
     else:
+        mend = "correct its rate log" if len(unlogged) < len(found) else "log its rate"
         verdict.refused.append(
-            f"{bad} runs contradict each other; leave out {' or '.join(found)}, or correct its"
-            " rate log"
+            f"{bad} runs contradict each other; leave out {' or '.join(found)}, or {mend}{without}"
         )
 
 

@@ -450,12 +450,13 @@ def _of_a_constant_rate(wave: Wave, others: ExtendedFit, common: float) -> Itera
     if seen is None or not abs(seen[0]) > SURE_ROTATION * seen[1]:
         return
     rate = shown * seen[0] / common
+    logged = "no rate" if wave.rate_rad_s is None else f"{average_rate(wave):.4g} rad/s"
     yield Reading(
         "rate log missing" if not is_turning(wave) else "rate log of another run",
         (change.hold_rate(wave, rate),),
         1,
-        f"{average_rate(wave):.4g} rad/s is logged, its wave turns as at {rate:.4g}: with that"
-        " constant rate",
+        f"{logged} is logged, its wave turns as at {rate:.4g}"
+        f"{' rad/s' if wave.rate_rad_s is None else ''}: with that constant rate",
         "add the rate that was turned to this run's log, or leave the run out",
     )
 
