@@ -204,6 +204,10 @@ ODD_WINDOW = 1.9
 """σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of
 four samples beside those of five by half, and one that keeps its own noise has twice theirs or
 more."""
+BENT = 1.3
+"""Times the doubt about its motion's bend, as the demodulation has it, up to which what a window's
+σ holds beside the neighbours' is that: it is 0.6 to 1.0 of it where waves turn by 0.15 to 0.5 rad a
+window, Q 300 to 1e4 and 1 to 20 periods a window."""
 FOLLOWS_WAVE = 9.0
 """Δχ² by which a line's size must follow the wave's better than stay the same to be the wave's
 own."""

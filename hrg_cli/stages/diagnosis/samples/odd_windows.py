@@ -16,17 +16,14 @@ import numpy as np
 from ....effects.effect import Effect
 from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.envelope_motion import estimate_curvatures
-from ....fitting.samples.neighbours import find_local_median
+from ....fitting.samples.neighbours import estimate_from_neighbours, find_local_median
 from ....records import Array, Wave
-from ..thresholds import BY_CHANCE, ODD_WINDOW
+from ..thresholds import BENT, BY_CHANCE, ODD_WINDOW
 from .heard import compute_harmonic_power
 from .lines import find_sampling_hz
 
 NEIGHBOURS = 12
 """Windows on either side whose noise is the usual one."""
-BENT = 4.0
-"""Times the doubt of the bend up to which an end's σ is that: the demodulation took it before other
-corrections."""
 FEWEST = 4
 """Samples of the shortest window."""
 
@@ -108,13 +105,47 @@ def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
     """Rows (n,) whose σ holds no more beside the neighbours' than what the motion's bend is not
     known by: at the ends of a run it is continued, and a wave that turns fast within a window makes
     that rough."""
-    u = compute_envelopes(wave)[rows].T[..., None]
-    turning = np.asarray(wave.frequency_hz, float)[rows] - wave.reference_frequency_hz
-    found = estimate_curvatures(u, np.array([2 * np.pi * np.nanmedian(turning)]), wave.window_s)
-    if found is None:
-        return np.zeros(len(rows), bool)
-    doubt = found[1].max(axis=(0, 2)) * wave.window_s**2 / 24
+    doubt = _estimate_bend_std(wave)[rows]
     return np.asarray(std**2 - usual**2 < (BENT * doubt) ** 2)
+
+
+def _estimate_bend_std(wave: Wave) -> Array:
+    """σ (n,) that the doubt D about the bend gives a row's envelopes, D·T²/24, rms over the
+    channels: the largest of the frames in which the demodulation may have seen the bend."""
+    good = wave.good()
+    u = np.where(good[:, None], compute_envelopes(wave), np.nan).T[..., None]
+    doubts = [_find_doubt(u, offset, wave.window_s) for offset in _list_frames(wave, good)]
+    return np.asarray(np.max(doubts, axis=0) * wave.window_s**2 / 24)
+
+
+def _find_doubt(u: Array, offset_rad_s: float, window_s: float) -> Array:
+    """Doubt (n,) about the bend of envelopes (channels, n, 1) in a frame that turns, rms over the
+    channels; 0 where they are too few."""
+
+    def see(rows: Array) -> tuple[Array, Array] | None:
+        return estimate_curvatures(rows, np.array([offset_rad_s]), window_s)
+
+    found = estimate_from_neighbours(see, u, offset_rad_s, window_s)
+    none = np.zeros(u.shape[1])
+    return none if found is None else np.asarray(np.sqrt((found[1] ** 2).mean(axis=(0, 2))))
+
+
+def _list_frames(wave: Wave, good: Array) -> list[float]:
+    """By what the demodulation's basis may turn against the reference, rad/s.
+
+    By nothing, for the reference is the line that its looks saw; by as much as the frequency has
+    drifted at an end. A wave that turns has two lines, at ω ± mθ̇: a reference between them is the
+    median of looks of which some saw the one and some the other.
+    """
+    omega = 2 * np.pi * (np.asarray(wave.frequency_hz, float)[good] - wave.reference_frequency_hz)
+    omega = omega[np.isfinite(omega)]
+    if not len(omega):
+        return [0.0]
+    middle, rows = float(np.median(omega)), np.flatnonzero(good)
+    steps = np.diff(np.asarray(wave.wave_angle_rad, float)[rows]) / np.diff(rows)
+    line = wave.mode_number * abs(float(np.median(steps))) / wave.window_s
+    lines = [middle - line, middle + line] if abs(middle) < line / 2 else []
+    return [0.0, float(omega[0]) - middle, float(omega[-1]) - middle, *lines]
 
 
 def _find_harmonic_std(

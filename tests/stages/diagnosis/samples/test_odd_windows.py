@@ -73,6 +73,58 @@ def test_ends_of_a_run_that_turns_fast_within_a_window_are_none():
     assert find_odd_windows(seen) == []
 
 
+def turning(quality, periods, turn_rad, noise=NOISE / 3):
+    """A programme of three runs whose waves die with a Q and turn by mθ a window: not at all, by
+    as much as is asked, and by 0.7 of it the other way."""
+    table = programme(1, runs=3, noise=noise)
+    hz = 1003.7
+    window_s, life_s = periods / hz, quality / (np.pi * hz)
+    table["device"] |= {
+        "frequency_hz": hz,
+        "damping_rate_1_s": 1 / life_s,
+        "damping_split_1_s": 0.02 / life_s,
+        "frequency_split_rad_s": 0.5,
+    }
+    table["recording"]["duration_s"] = max(60 * window_s, min(3.75 * life_s, 150 * window_s))
+    for run, part in zip(table["run"], (0.0, 1.0, -0.7), strict=True):
+        run["environment"]["rate_rad_s"] = part * turn_rad / window_s / 0.55
+    return table
+
+
+@pytest.mark.parametrize(
+    ("quality", "periods"),
+    ((300, 5.0), (300, 20.0), (1e3, 12.0), (3e3, 12.0), (3e3, 20.0), (1e4, 10.0)),
+)
+def test_waves_that_die_and_turn_within_a_window_have_none(quality, periods):
+    """At the ends the bend is continued, up to 270 times the noise; that of 3e3 and 12 periods has
+    a reference between its two lines."""
+    for turn_rad in (0.05, 0.15, 0.3, 0.5):
+        seen = waves(turning(quality, periods, turn_rad), periods_per_window=periods)
+        assert find_odd_windows(seen) == []
+
+
+@pytest.mark.parametrize(("quality", "periods", "row"), ((300, 5.0, 28), (1e3, 20.0, 24)))
+def test_a_burst_in_a_wave_that_turns_within_a_window_is_odd(quality, periods, row):
+    def damage(k, c, s, random):
+        if k == 1:
+            at = int(0.4 * len(c))
+            c[at : at + 30] += 40 * NOISE / 3 * random.standard_normal(30)
+        return c, s
+
+    odd = find_odd_windows(damaged(turning(quality, periods, 0.15), damage, periods))
+    assert {one.run for one in odd} == {1} and row in {one.row for one in odd}
+
+
+def test_clipped_tops_of_a_wave_that_turns_within_a_window_are_odd():
+    odd = find_odd_windows(damaged(turning(300, 20.0, 0.15, noise=0.0), clipped(0.96), 20.0))
+    assert {one.run for one in odd} == {0} and {one.row for one in odd} <= {0, 1}
+
+
+def test_a_whole_diagnosis_of_such_waves_is_adequate():
+    seen = waves(turning(1e3, 12.0, 0.15), periods_per_window=12.0)
+    assert summarise(diagnose(seen))["verdict"] == "adequate"
+
+
 def test_harmonics_of_a_named_read_out_make_no_odd_window():
     """Seven samples and eight a period: what the third harmonic leaves in a window goes by where
     they fall."""
