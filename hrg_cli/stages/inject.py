@@ -118,7 +118,7 @@ def inject(
         _change_logs(recording, hidden),
         bool(moving),
         name,
-        explain_nothing(recording, hidden),
+        explain_nothing(recording, hidden, change),
     ).make_blocks(block_samples)
 
 

@@ -225,6 +225,18 @@ def test_the_samples_do_not_depend_on_the_blocks(plain):
             {"gain_step": {"c_gain": 1e-3, "time_s": 0.7}},
             "time_s = 0.7 is not within the run, 0 to",
         ),
+        (
+            {"momentum_kick": {"c_velocity_over_omega": 1e-3, "time_s": -0.1}},
+            r"time_s = -0.1 is not within the run, 0 to",
+        ),
+        (
+            {"momentum_kick": {"c_velocity_over_omega": 1e-3, "time_s": 1e-4}},
+            r"time_s = 0.0001 is not within the windows that show the motion, 0\.\d+ to 0\.\d+ s of",
+        ),
+        (
+            {"dropped_samples": {"lost_s": 1e-6, "time_s": 0.3}},
+            "dropped_samples: no sample lies within the time that it takes",
+        ),
     ],
 )
 def test_what_cannot_be_hidden_is_refused_in_words(effects, says, plain):

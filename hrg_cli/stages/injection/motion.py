@@ -45,11 +45,12 @@ ChangeAt = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Change:
-    """The change T of a run's motion by effects, and what part of it the run alone does not tell:
-    0 where the resonator was given."""
+    """The change T of a run's motion by effects, what part of it the run alone does not tell (0
+    where the resonator was given), and the times [s] between which what jumps does."""
 
     at: ChangeAt
     doubt: float
+    span_s: tuple[float, float] = (-np.inf, np.inf)
 
     def list_doubts(self) -> list[str]:
         """What to say of it; nothing where it is known well enough."""
@@ -111,17 +112,19 @@ def integrate_change(wave: Wave, moving: Sequence[Hidden], resonator: Resonator 
     state = fit_point.build_state(series, point)
     jumps = [effect.slow_jump(p, state) for effect, p in moving if effect.slow_jump is not None]
     measured = interpolate_oscillation(wave).spline
+    first_s, last_s = float(series.time_s[0, 0]), float(series.time_s[0, -2])
     for instant, jump in sorted(
         ((float(at), np.reshape(change, 2)) for at, change in jumps), key=lambda one: one[0]
     ):
-        if series.time_s[0, 0] < instant < series.time_s[0, -2]:
+        if first_s < instant < last_s:
             before = (
                 _chain_changes(changes, np.array([instant]))[0] @ measured(np.array([instant]))[0]
             )
             changes.append(
                 _change_after(series, replace(point, active=smooth), instant, before, before + jump)
             )
-    return Change(partial(_chain_changes, changes), _find_doubt(series, known, smooth))
+    doubt = _find_doubt(series, known, smooth)
+    return Change(partial(_chain_changes, changes), doubt, (first_s, last_s))
 
 
 def _find_doubt(series: MeasuredRuns, fit: ExtendedFit | None, smooth: tuple[Hidden, ...]) -> float:

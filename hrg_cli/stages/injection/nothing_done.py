@@ -8,10 +8,12 @@ import numpy as np
 
 from ...effects.effect import IN_FREE_RUNS, INSTANT, Effect, Values
 from ...records import Recording
-from .motion import Hidden
+from .motion import Change, Hidden
 
 
-def explain_nothing(recording: Recording, hidden: Sequence[Hidden]) -> str:
+def explain_nothing(
+    recording: Recording, hidden: Sequence[Hidden], change: Change | None = None
+) -> str:
     """What each effect misses in a recording that it does not change.
 
     Parameters
@@ -20,6 +22,8 @@ def explain_nothing(recording: Recording, hidden: Sequence[Hidden]) -> str:
         The run.
     hidden
         Effects with all their parameters.
+    change
+        Of the run's motion; None where no effect moves it.
 
     Returns
     -------
@@ -37,13 +41,25 @@ def explain_nothing(recording: Recording, hidden: Sequence[Hidden]) -> str:
     >>> explain_nothing(run, [(gain, gain.values()), (step, step.values({"time_s": 9.0}))])
     'drive_gain: the run has no drive; gain_step: time_s = 9 is not within the run, 0 to 0.4 s'
     """
-    return "; ".join(f"{effect.name}: {_explain(recording, effect, p)}" for effect, p in hidden)
+    return "; ".join(
+        f"{effect.name}: {_explain(recording, effect, p, change)}" for effect, p in hidden
+    )
 
 
-def _explain(recording: Recording, effect: Effect, p: Values) -> str:
+def _explain(recording: Recording, effect: Effect, p: Values, change: Change | None) -> str:
     first, last = (float(recording.times(k, k + 1)[0]) for k in (0, len(recording.c) - 1))
     if INSTANT in p and not first < p[INSTANT] < last:
         return f"{INSTANT} = {p[INSTANT]:g} is not within the run, {first:g} to {last:g} s"
+    if effect.slow_jump is not None and change is not None:
+        # what jumps goes on from the wave as measured, which has windows on both sides there
+        first, last = change.span_s
+        if not first < p[INSTANT] < last:
+            return (
+                f"{INSTANT} = {p[INSTANT]:g} is not within the windows that show the motion,"
+                f" {first:g} to {last:g} s of the run"
+            )
+    if effect.whole_samples:
+        return "no sample lies within the time that it takes; make that longer than a sample"
     if "drive" in effect.shown_by:
         if _moves(recording, "drive_main") or _moves(recording, "drive_quadrature"):
             return "the run's drive is none that it acts on"
