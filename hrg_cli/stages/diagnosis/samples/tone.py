@@ -93,8 +93,7 @@ def split_channels(vector: Array) -> dict[str, float]:
 def compute_window_response(turns: float) -> float:
     """Part that a window shows of what beats by x turns in it: sin(πx)/(πx)·(1 + E(1 + cE)/24).
 
-    The second factor is the curvature that demodulate puts back, from h windows on either side: E =
-    (2 sin(πhx)/h)².
+    The second factor is the curvature that demodulate puts back.
 
     Parameters
     ----------
@@ -112,5 +111,29 @@ def compute_window_response(turns: float) -> float:
     >>> compute_window_response(0.0), round(compute_window_response(0.25), 3)
     (1.0, 0.951)
     """
+    return float(np.sinc(turns)) * compute_curvature_gain(turns)
+
+
+def compute_curvature_gain(turns: float) -> float:
+    """Factor by which the curvature that demodulate puts back raises what beats in a window.
+
+    1 + E(1 + cE)/24 with E = (2 sin(πhx)/h)² from h windows on either side.
+
+    Parameters
+    ----------
+    turns
+        x, of the beat in a window.
+
+    Returns
+    -------
+    float
+        At least 1.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.samples.tone import compute_curvature_gain
+    >>> compute_curvature_gain(0.0), round(compute_curvature_gain(0.25), 3)
+    (1.0, 1.057)
+    """
     bend = float((2 * np.sin(np.pi * BEND * turns) / BEND) ** 2)
-    return float(np.sinc(turns)) * (1 + bend * (1 + CURVED * bend) / 24)
+    return 1 + bend * (1 + CURVED * bend) / 24

@@ -32,6 +32,7 @@ from .lines import (
 )
 from .lost_samples import PhaseStep, count_lost, find_phase_steps, join_steps, split_at
 from .offered import UNMEASURED, is_sound, make_entry
+from .own_multiples import find_own_multiple
 from .tone import Tone, split_channels
 from .tones import MOST_TONES
 
@@ -103,7 +104,8 @@ def find_waveform_causes(
     direct = all(w.readout == "direct" for w in waves)
     codes = _codes(waves, near, far, frequency_hz) if direct else []
 
-    harmonics = {multiple: line for line, multiple in near}
+    # of what two tones show of one multiple the stronger tells its size
+    harmonics = {multiple: line for line, multiple in sorted(near, key=lambda pair: pair[0].ratio)}
     sampling, cell = find_folding_hz(waves), find_cell_hz(waves)
     open_lines = []
     for line in far:
@@ -112,7 +114,8 @@ def find_waveform_causes(
             multiple = 3 if _is_own_third(line, waves, of_motion, find_most_cubic) else 0
         meaning = _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
-            harmonics.setdefault(multiple, line)
+            others = filter(None, (harmonics.get(multiple),))
+            harmonics[multiple] = max([line, *others], key=lambda one: one.ratio)
         if meaning:
             listed.append(line.make_entry(multiple, meaning))
         else:
@@ -154,13 +157,9 @@ def _judge_tones(
     near, listed = [], []
     for tone in tones:
         line = _as_line(tone)
-        if multiple := _multiple(tone, waves, frequency_hz):
-            near.append((line, multiple))
-            listed.append(
-                line.make_entry(
-                    multiple, f"harmonic {multiple} of the oscillation, folded beside it"
-                )
-            )
+        if own := find_own_multiple(tone, waves, frequency_hz):
+            near.append((own.line, own.order))
+            listed.append(own.line.make_entry(own.order, own.meaning))
         elif _is_image(tone, far, waves):
             listed.append(line.make_entry(0, IMAGE))
         elif not tone.standing:
@@ -229,20 +228,6 @@ def _is_sideband(line: Line, far: Sequence[Line], frequency_hz: float, cell: flo
 def _as_line(tone: Tone) -> Line:
     size = np.sqrt(np.mean(np.abs(tone.vector) ** 2, axis=0))
     return Line(tone.frequency_hz, size, tone.gain / 2, len(tone.vector), np.ones((1, 2)))
-
-
-def _multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) -> int:
-    """Which multiple of the oscillation a tone beside the resonance is, folded; 0: none, or the
-    sampling is not known.
-
-    Runs of length T tell it to 1/T, and the oscillation's own frequency from run to run apart.
-    """
-    sampling = find_folding_hz(waves)
-    longest = max(float(w.time_s[-1] - w.time_s[0]) for w in waves)
-    wander = float(np.ptp([find_median_frequency(w) for w in waves]))
-    if not sampling:
-        return 0
-    return find_harmonic(_as_line(tone), frequency_hz, sampling, 1 / longest, wander)
 
 
 def list_unnamed_tones(tones: Sequence[Tone], named: Sequence[Effect]) -> list[Tone]:
@@ -375,7 +360,7 @@ def list_near_tones(
         tone.undo_windows(frequency_hz, window)
         for tone in tones
         if tone.standing
-        and not _multiple(tone, waves, frequency_hz)
+        and find_own_multiple(tone, waves, frequency_hz) is None
         and not _is_image(tone, far, waves)
     ]
 
