@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from ....errors import name_some
+from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Wave
 from ...suspicion import Suspicion
-from ..fits.scoring import score_effects
+from ..fits.scoring import compute_worth, score_effects
 from ..fits.variants import Variant
 from ..search.remainder import judge_adequacy, measure_smooth_part
 from ..thresholds import CLEARLY, GROSS, INADEQUATE, INSTEAD_OF_CAUSES, MISTAKES_REMOVE, WORTH
@@ -184,13 +185,15 @@ def suspect_plain_run(
     promised = find_largest_gain(base)
     if promised < max(INSTEAD_OF_CAUSES * (base.chi2 - base.dof), 2 * CLEARLY):
         return ()
-    # a step at a run's first rows is that run's own number, spelled with more of them
+    # a step at a run's first rows is that run's own number, spelled with more of them and an
+    # instant; one that is worth as much for all of these happened within the run
     causes = (
-        score.gain
+        compute_worth(score, variant, base)
         for score, variant in score_effects(base, candidates)
-        if score.visible and not variant.effect.of_one_run
+        if score.visible
     )
-    if promised - max(causes, default=0.0) < CLEARLY:
+    own = evidence.find_bic_gain(promised, 1, len(base.residual))
+    if own - max(causes, default=0.0) < CLEARLY:
         return ()
     mistake = suspect_quiet_run(waves, fitted, base, base, failed=True)
     return mistake.suspicions if mistake is not None and mistake.surely else ()
