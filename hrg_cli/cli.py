@@ -27,6 +27,14 @@ def __getattr__(name: str) -> Any:
 
 def main() -> None:
     """Entry point of the `hrg` script."""
+    try:
+        _start()
+    except KeyboardInterrupt:  # outside the command's own guard: while its modules are loaded
+        print("hrg: interrupted; no output was written", file=sys.stderr, flush=True)
+        raise SystemExit(130) from None
+
+
+def _start() -> None:
     threads.use_one()
     # no plugin of pydantic's is wanted: it would look for them in every package of the environment
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -37,7 +45,7 @@ def main() -> None:
     except HrgError as error:  # its words did not reach standard output
         print(f"hrg: {error}", file=sys.stderr, flush=True)
         raise SystemExit(1) from None
-    except Exception as error:  # outside the command's own guard: while its modules are loaded
+    except Exception as error:  # while the command's modules are loaded
         if not is_no_memory(error):
             raise
         print(f"hrg: {NO_MEMORY}", file=sys.stderr, flush=True)

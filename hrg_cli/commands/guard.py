@@ -25,8 +25,9 @@ from ..errors import (
 from ..extras import find_optional, tell_how_to_install
 from ..reporting.text import fold_line
 from ..streams import drop, make_result_stream
+from .termination import TerminatedError, end_when_terminated
 
-DONE, FAILED, USAGE, REFUSED, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, FAILED, USAGE, REFUSED, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130, 143
 
 
 @contextlib.contextmanager
@@ -110,7 +111,8 @@ def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     Raises
     ------
     Exit
-        Of typer, with the status: 1 the input or the run failed, 2 usage, 130 interrupted.
+        Of typer, with the status: 1 the input or the run failed, 2 usage, 130 interrupted, 143
+        terminated.
 
     Examples
     --------
@@ -125,25 +127,28 @@ def run_guarded(body: Callable[[], None], verbose: bool = False) -> None:
     ...     print(left.exit_code)
     1
     """
-    try:
-        with _silence_libraries(verbose), _keep_standard_output(), forgive_closed_pipe():
-            body()
-    except UsageError as error:
-        leave(str(error), USAGE)
-    except DiskFullError as error:
-        print(f"hrg: {fold_line(str(error))}", file=sys.stderr, flush=True)
-        sys.stdout.flush()
-        os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
-    except InterruptedRunError as error:
-        leave(str(error), INTERRUPTED)
-    except HrgError as error:
-        leave(str(error), FAILED)
-    except KeyboardInterrupt:
-        leave("interrupted; no output was written", INTERRUPTED)
-    except typer.Exit:
-        raise
-    except Exception as error:
-        _unforeseen(error, verbose)
+    with end_when_terminated() as received:
+        try:
+            with _silence_libraries(verbose), _keep_standard_output(), forgive_closed_pipe():
+                body()
+        except UsageError as error:
+            leave(str(error), USAGE)
+        except DiskFullError as error:
+            print(f"hrg: {fold_line(str(error))}", file=sys.stderr, flush=True)
+            sys.stdout.flush()
+            os._exit(FAILED)  # HDF5 crashes at a normal exit after a full disk
+        except InterruptedRunError as error:
+            leave(str(error), TERMINATED if received else INTERRUPTED)
+        except HrgError as error:
+            leave(str(error), FAILED)
+        except TerminatedError:
+            leave("terminated; no output was written", TERMINATED)
+        except KeyboardInterrupt:
+            leave("interrupted; no output was written", INTERRUPTED)
+        except typer.Exit:
+            raise
+        except Exception as error:
+            _unforeseen(error, verbose)
 
 
 def _unforeseen(error: Exception, verbose: bool) -> NoReturn:

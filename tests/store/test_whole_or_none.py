@@ -171,19 +171,37 @@ def test_runs_shared_among_processes_are_the_same(hrg, tmp_path):
         assert (one.c == two.c).all() and (one.s == two.s).all()
 
 
-def test_simulating_processes_end_with_a_parent_that_is_killed(tmp_path):
-    (tmp_path / "gyro.toml").write_text(GYRO.format(duration_s=3000.0) + RUNS)
+def start_long_simulation(folder, jobs):
+    """The command at work, its first half-written file there."""
+    (folder / "gyro.toml").write_text(GYRO.format(duration_s=3000.0) + RUNS)
     running = subprocess.Popen(
         [sys.executable, "-m", "hrg_cli.cli", "simulate", "gyro.toml", "-o", "run.h5",
-         "--jobs", "2", "-q"],
-        cwd=tmp_path,
+         "--jobs", str(jobs), "-q"],
+        cwd=folder,
         env=os.environ | {"PYTHONPATH": str(PACKAGE)},
         start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
     )  # fmt: skip
     own = re.compile(r"run-\d\.h5.*\.tmp$")
-    while not any(own.search(path.name) for path in tmp_path.iterdir()):
+    while not any(own.search(path.name) for path in folder.iterdir()):
         assert running.poll() is None
         time.sleep(0.05)
+    return running
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_terminated_command_leaves_nothing(jobs, tmp_path):
+    """Its temporary files stayed until the next command wrote there."""
+    running = start_long_simulation(tmp_path, jobs)
+    running.terminate()
+    said = running.communicate(timeout=30)[1]
+    assert running.returncode == 143 and said == "hrg: terminated; no output was written\n", said
+    assert [path.name for path in tmp_path.iterdir()] == ["gyro.toml"]
+
+
+def test_simulating_processes_end_with_a_parent_that_is_killed(tmp_path):
+    running = start_long_simulation(tmp_path, 2)
     children = psutil.Process(running.pid).children(recursive=True)
     running.kill()
     running.wait()
