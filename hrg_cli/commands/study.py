@@ -119,10 +119,7 @@ def _run_study(
     values = _settings_of_study(name, study, run, flags)
     folder = run.output
     if folder is not None:
-        check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
-        folder.mkdir(exist_ok=True)
-        for output in _list_outputs(folder / name):
-            check_output(output, run.force)
+        _claim_outputs(folder, name, run.force)
     if values.get("jobs", 1) > 1:  # its processes leave it to this one
         warn_of_plain_python()
     mark: dict[str, Any] = {"settings": {k: v for k, v in values.items() if k not in OF_NO_ROW}}
@@ -144,7 +141,13 @@ def _run_study(
     if folder is not None:
         _write_study(folder / name, module.draw_figure(result), shown, report, run.force)
         (folder / f"{name}.unfinished.json").unlink(missing_ok=True)
-    return report, lambda: console.print_table("", *shown)
+
+    def show() -> None:
+        if hasattr(module, "describe_background"):
+            console.say(module.describe_background(result))
+        console.print_table("", *shown)
+
+    return report, show
 
 
 def _settings_of_study(
@@ -178,6 +181,14 @@ def _write_study(
             temporary.write_text(
                 json.dumps(console.clean(report), indent=1, ensure_ascii=False), encoding="utf-8"
             )
+
+
+def _claim_outputs(folder: Path, name: str, force: bool) -> None:
+    """Make the folder; HrgError: one of the study's files cannot be written there."""
+    check_output(folder / "x", True) if folder.is_dir() else check_output(folder)
+    folder.mkdir(exist_ok=True)
+    for output in _list_outputs(folder / name):
+        check_output(output, force)
 
 
 def _list_outputs(place: Path) -> list[Path]:

@@ -335,6 +335,8 @@ def assemble(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[s
     {'verdict': 'adequate', 'named': [], 'chi2_per_dof': 1.0}
     """
     names = [e.name for e in EFFECTS if any(r["effect"] == e.name for r in rows)]
+    held = {e["name"] for e in background["effects"]}
+    rows = [_blame_background(row) if row["effect"] in held else row for row in rows]
     of = {name: [r for r in rows if r["effect"] == name] for name in names}
     return {
         "sizes": sizes,
@@ -347,6 +349,41 @@ def assemble(rows: Sequence[Row], sizes: list[float], background: Row) -> dict[s
         "all": _effect_figures([r for r in rows if not find(r["effect"]).whole_samples], sizes),
         "rows": list(rows),
     }
+
+
+def _blame_background(row: Row) -> Row:
+    """A row of an effect that the background holds; where more of it was not shown, that is why."""
+    if row["size"] is not None:
+        return row
+    return {**row, "not_shown": f"{row['effect']}: is part of the background of these runs already"}
+
+
+def describe_background(study: dict[str, Any]) -> str:
+    """What the recordings show without any injection, as a line for a person.
+
+    Parameters
+    ----------
+    study
+        Of `recovery_study`.
+
+    Returns
+    -------
+    str
+        The verdict, χ² per degree of freedom, and the causes.
+
+    Examples
+    --------
+    >>> from hrg_cli.studies.recovery import assemble, describe_background
+    >>> background = {"verdict": "partly explained", "after": {"chi2_per_dof": 329.0}}
+    >>> background["effects"] = [{"name": "cubic_stiffness"}]
+    >>> describe_background(assemble([], [5.0], background))
+    'background: partly explained, χ² 329: cubic stiffness'
+    """
+    found = study["background"]
+    named = ", ".join(found["named"]).replace("_", " ") or "no cause"
+    misfit = found["chi2_per_dof"]
+    left = "" if misfit is None else f", χ² {misfit:.3g}"
+    return f"background: {found['verdict']}{left}: {named}"
 
 
 def _effect_figures(rows: Sequence[Row], sizes: Sequence[float]) -> dict[str, Any]:
@@ -533,6 +570,5 @@ def draw_figure(study: dict[str, Any]) -> Figure:
     ratio.set(
         ylim=(len(names) - 0.5, -0.5), xlim=(-0.5, 2.5), title="size found over true", yticks=[]
     )
-    named = ", ".join(study["background"]["named"]) or "no cause"
-    drawing.suptitle(f"background: {study['background']['verdict']}, {named}")
+    drawing.suptitle(describe_background(study))
     return drawing

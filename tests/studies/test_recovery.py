@@ -10,13 +10,21 @@ import numpy as np
 import pytest
 
 from hrg_cli import store
+from hrg_cli.commands import study as study_command
 from hrg_cli.effects import find
 from hrg_cli.errors import HrgError
 from hrg_cli.records import collect
 from hrg_cli.stages.simulate import list_run_ids, simulate
 from hrg_cli.studies import recovery
 from hrg_cli.studies.hidden import draw_programme
-from hrg_cli.studies.recovery import assemble, draw_figure, judge_report, recovery_study, tabulate
+from hrg_cli.studies.recovery import (
+    assemble,
+    describe_background,
+    draw_figure,
+    judge_report,
+    recovery_study,
+    tabulate,
+)
 from hrg_cli.studies.recovery_sizes import fit_background
 
 EFFECTS = ["damping_drift", "momentum_kick", "drive_rotation"]
@@ -108,6 +116,36 @@ def test_table_and_figure(quick, recordings):
         "a false name beside",
         "size found over true",
     ]
+
+
+def test_the_background_is_told_on_the_screen_and_blamed_in_the_table():
+    """A background of χ² 329 was not told, and its own cause was one that "these runs cannot
+    show"."""
+    background = {"verdict": "partly explained", "after": {"chi2_per_dof": 329.0}}
+    background["effects"] = [{"name": "cubic_stiffness"}]
+    rows = [
+        {"effect": name, "draw": 0, "size": None, "not_shown": f"{name}: these runs cannot show it"}
+        for name in ("cubic_stiffness", "drive_rotation")
+    ]
+    study = assemble(rows, [5.0], background)
+    said = {row[0]: row[-1] for row in tabulate(study)[1]}
+    assert "part of the background" in said["cubic_stiffness"]
+    assert said["drive_rotation"].endswith("cannot show it")
+    told = "background: partly explained, χ² 329: cubic stiffness"
+    assert describe_background(study) == told
+    assert draw_figure(study).get_suptitle() == told
+
+
+def test_the_command_tells_the_background(hrg, recordings, tmp_path, monkeypatch):
+    background = {"verdict": "partly explained", "after": {"chi2_per_dof": 329.0}}
+    background["effects"] = [{"name": "cubic_stiffness"}]
+    monkeypatch.setattr(
+        recovery, "recovery_study", lambda *given, **more: assemble([], [5.0], background)
+    )
+    monkeypatch.setattr(study_command, "_settings_of_study", lambda *given: {})
+    store.write(tmp_path / "run.h5", recordings[0])
+    done = hrg("study", "recovery", tmp_path / "run.h5")
+    assert "background: partly explained, χ² 329: cubic stiffness" in done.out, done
 
 
 def test_what_is_hidden_is_of_the_size_asked_for(recordings, monkeypatch):
