@@ -168,6 +168,9 @@ def waves_to_results(
     """Identify free runs, diagnose free ones (forced where there are none) with the identified
     resonator beside them, calibrate and compensate forced ones.
 
+    Free runs show the resonator without a loop's answer and are diagnosed in seconds; forced ones
+    beside them (twelve of 1200 rows) take forty times as long.
+
     Parameters
     ----------
     work

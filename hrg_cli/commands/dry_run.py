@@ -60,7 +60,9 @@ def say_by_hand(
         read = [str(folder / one if one in made else place.get(one, one)) for one in inputs]
         beside = STAGES[name].beside if name in STAGES else ()
         models = [m for m in beside if f"{m}.h5" in made]
-        read += [w for m in models for w in (f"--{m}", str(folder / f"{m}.h5"))]
+        # what a diagnosis takes is a model that is believed, be it a resonator or a simulation's
+        option = "model" if name == "diagnose" else None
+        read += [w for m in models for w in (f"--{option or m}", str(folder / f"{m}.h5"))]
         told = ["-o", str(folder / output)] if output else ["--times", str(times)]
         lines.append(shlex.join(["hrg", name, *read, *told, *_settings(name, run)]))
         made.add(output)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -158,6 +159,7 @@ def run_files(
         "output": str(folder),
         "answer": found.to_json() if found else None,
         "steps": [dataclasses.asdict(step) for step in steps],
+        "undiagnosed": (undiagnosed := list_undiagnosed(steps)),
         "report": str(page) if made and not pageless else None,
     }
     _write_report(folder / MARK, report)
@@ -166,6 +168,8 @@ def run_files(
     def show() -> None:
         if found is not None:
             answer_text.show(found, folder)
+        if undiagnosed:
+            console.say(say_undiagnosed(len(undiagnosed), folder))
         console.say(f"page: {page}" if not pageless else f"no page: {pageless}")
 
     return report, show
@@ -388,6 +392,63 @@ def list_reasons(steps: Sequence[Step]) -> list[str]:
         f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}"
         for reason, outputs in named.items()
     ]
+
+
+def list_undiagnosed(steps: Sequence[Step]) -> list[str]:
+    """Waves that a result was made of and the diagnosis did not take: driven ones beside free ones.
+
+    Parameters
+    ----------
+    steps
+        Of the chain.
+
+    Returns
+    -------
+    list of str
+        Names of files; none where there is no diagnosis.
+
+    Examples
+    --------
+    >>> from hrg_cli.chain import Step
+    >>> from hrg_cli.commands.run import list_undiagnosed
+    >>> taken = {"diagnose": ("free.wave.h5",), "calibrate": ("slow.wave.h5", "fast.wave.h5")}
+    >>> list_undiagnosed([Step(name, waves, "", "valid") for name, waves in taken.items()])
+    ['slow.wave.h5', 'fast.wave.h5']
+    """
+    diagnosed = {wave for step in steps if step.name == "diagnose" for wave in step.inputs}
+    others = [wave for step in steps if step.name == "calibrate" for wave in step.inputs]
+    return [wave for wave in others if wave not in diagnosed] if diagnosed else []
+
+
+def say_undiagnosed(count: int, folder: Path) -> str:
+    """That driven runs are not in the diagnosis, why, and what to type for one with them.
+
+    Parameters
+    ----------
+    count
+        Of them.
+    folder
+        Of the results.
+
+    Returns
+    -------
+    str
+        Two lines.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hrg_cli.commands.run import say_undiagnosed
+    >>> print(say_undiagnosed(2, Path("results")))
+    the diagnosis is of the free runs alone: with the 2 forced runs it may take many minutes; then:
+          hrg diagnose results/*.wave.h5 -o results/diagnosis-of-all.h5
+    """
+    inside = shlex.quote(str(folder))
+    what = "1 forced run" if count == 1 else f"{count} forced runs"
+    return (
+        f"the diagnosis is of the free runs alone: with the {what} it may take many minutes; then:"
+        f"\n      hrg diagnose {inside}/*.wave.h5 -o {inside}/diagnosis-of-all.h5"
+    )
 
 
 def _find_explained(results: Sequence[Path]) -> list[Path]:

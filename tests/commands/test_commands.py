@@ -121,6 +121,19 @@ def test_run_shares_recordings_among_processes(tmp_path):
     assert rows(tmp_path / "out1") == rows(tmp_path / "out2") and len(rows(tmp_path / "out1")) == 2
 
 
+def test_run_says_that_forced_runs_beside_free_ones_are_not_diagnosed(tmp_path):
+    """Nothing told that twelve of sixteen runs were not in the diagnosis."""
+    free, forced = [tmp_path / f"{mode}.h5" for mode in ("free", "forced")]
+    for path in (free, forced):
+        store.write(path, ringing(mode=path.stem, run_id=path.stem))
+    done = shell("run", free, forced, "-o", tmp_path / "out", *FEW_WINDOWS)
+    report = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert report["undiagnosed"] == ["forced.wave.h5"]
+    told = (done.stdout + done.stderr).decode()
+    assert "with the 1 forced run it may take" in told
+    assert f"hrg diagnose {tmp_path}/out/*.wave.h5 -o" in told
+
+
 def recordings_of_one_gyro(folder, count=3):
     folder.mkdir()
     paths = [folder / f"r{k}.h5" for k in range(count)]

@@ -150,7 +150,8 @@ def test_what_a_run_would_do_can_be_done_by_hand(hrg, recordings, tmp_path):
     planned = hrg("run", recordings, "-o", out, "--config", config, "--dry-run")
     assert planned.status == 0 and not out.exists()
     steps = [shlex.split(line) for line in planned.out.splitlines()]
-    assert "--resonator" in steps[-1] and steps[-1][1] == "diagnose"
+    assert "--model" in steps[-1] and steps[-1][1] == "diagnose"
+    assert hrg(*steps[-1][1:], "--show-config").status == 0, "its options are the command's"
     out.mkdir()
     for _, *words in steps[:-1]:
         assert hrg(*words).status == 0, words

@@ -47,6 +47,8 @@ class Run(Common):
     """What it means for the gyro."""
     steps: list[ChainStep] | list[str]
     """Each step."""
+    undiagnosed: list[str] = Field(default=[])
+    """Forced waves beside free ones, which the diagnosis did not take."""
     report: str | None = None
     """The page."""
 
