@@ -57,6 +57,16 @@ takes of it away."""
 MOST_RIVALS = 2
 """Other causes that explain the runs as well, beyond which none of them is an explanation, and
 beside a misfit none is named: a group of three."""
+INSEPARABLE = 0.999
+"""Cosine from which two causes, or one and a part of the other, do the same in these runs: one of
+70 σ stands 3 σ off what the other makes of it."""
+FAINT = 0.02
+"""Independence beside the base model below which a cause is told from it only by what no model is
+exact enough for: 150 σ of it leave 3."""
+SLOWER_NOISE = 5.0
+"""Excess of the slower noise over the neighbours', times the root of the number of second
+differences, that chance does not make: their median scatters by 1.6, so that it is one of a
+thousand."""
 TOGETHER = 0.999
 """Canonical correlation from which two causes are one to these data, whatever the fit says."""
 SAME = 0.995
@@ -157,6 +167,15 @@ MISTAKES_REMOVE = 0.9
 MISTAKE_PRICE = 20.0
 """Δ(χ² + k ln N), at the noise that is left, by which a mistake with more freedom must beat one
 with less."""
+WORTHWHILE = 0.3
+"""Part of χ² that a cause's score must promise to be refitted as a rival of a wrong run: less
+leaves a misfit of which the mistake is the simpler account."""
+TAKES_NEARLY_ALL = 0.9
+"""The same of a third cause and further ones: what a wrong run does, no third cause takes up so
+well."""
+MATTERS = 0.7
+"""Part of χ² that a temperature dependence may leave for the thermometers to be looked at: a wrong
+one leaves it nothing to follow."""
 UNUSUAL_SCALE_FACTOR = 1e3
 """Δχ² by which mistakes that leave a usual scale factor go before those that do not."""
 INSTEAD_OF_CAUSES = 0.9
@@ -204,15 +223,41 @@ ODD_WINDOW = 1.9
 """σ over the neighbours' from which a window is odd: pooled ones differ by a few hundredths, one of
 four samples beside those of five by half, and one that keeps its own noise has twice theirs or
 more."""
-BENT = 1.3
+BENT_WINDOW = 1.3
 """Times the doubt about its motion's bend, as the demodulation has it, up to which what a window's
 σ holds beside the neighbours' is that: it is 0.6 to 1.0 of it where waves turn by 0.15 to 0.5 rad a
 window, Q 300 to 1e4 and 1 to 20 periods a window."""
 FOLLOWS_WAVE = 9.0
 """Δχ² by which a line's size must follow the wave's better than stay the same to be the wave's
 own."""
+ONE_SIDED_TONE = 6.0
+"""Power of a tone over its mirror's beside the resonance, less the floor in both: a modulation has
+that only where amplitude and phase swing in step and alike to a factor of 2.4."""
+MIRRORED = 2.0
+"""σ of the mirror's noise that are allowed beside: one tone of forty is lost to it."""
+DIES = 0.7
+"""Part of its power that a tone has in the second half of the runs at least: the wave itself, and
+what follows it, dies."""
+SURE_TO_DIE = 4.0
+"""σ by which a tone's power must be less than that: chance 3e-5 to lose one that stays."""
+ISOLATED = 10.0
+"""Power of a tone beside a gross misfit over all that stands in the cells on either side of it: a
+misfit of the motion is no line alone, and beside eleven cells of noise one is that by a chance of
+3e-6 at most."""
+SKEWED = 3.0
+"""Condition of the two directions of motion beyond which a jump does not tell them apart: the σ of
+one is then three times the other's."""
 JUMP_SIGMA = 8.0
 """σ from which a jump is one: 1e-15 a row of white noise, and room for what is not white."""
+SCATTER_COUNTS = 0.3
+"""Standard deviations of a run's mean by which the scatter of commands must move the wave within it
+to count: less makes σ of the mean larger by under a
+twentieth."""
+SCATTER_TOLD = 1.0
+"""The same from which it is told: σ is 1.4 times that of the windows."""
+MOST_SCATTER = 1.2
+"""Largest part of the commands' scatter that a motor follows; more than 1 where the scatter itself
+is measured too small."""
 SMALLER_BY_CHANCE = 3.0
 """σ by which a cause may be smaller than it came out."""
 UNHEARD = 2.0

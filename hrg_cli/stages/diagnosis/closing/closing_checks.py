@@ -18,7 +18,7 @@ from ....fitting.checks import Check
 from ....fitting.envelopes.base_freedom import choose_scale_factor
 from ....fitting.least_squares import invert_information
 from ....physics import ellipse
-from ..drive.scatter import TOLD, Scatter
+from ..drive.scatter import Scatter
 from ..extended.written import Written
 from ..fits.places import find_another_start, find_place_beside_strike
 from ..fits.refits import is_nearly_settled
@@ -37,6 +37,7 @@ from ..thresholds import (
     RUN_PREDICTED,
     SAME_FREQUENCY,
     SCALE_FACTORS,
+    SCATTER_TOLD,
     SIGNIFICANT,
     WRITTEN,
 )
@@ -319,7 +320,7 @@ def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Che
     >>> [[c.passed for c in check_beside_drive_log("ageing", 9.0, walk)] for walk in (0.0, 99.0)]
     [[], [False]]
     """
-    if walk < TOLD:
+    if walk < SCATTER_TOLD:
         return
     beside = sigma / float(np.hypot(1.0, walk))
     yield checks.check_at_least(

@@ -34,6 +34,7 @@ from ....fitting.causes.slow_prediction import predict
 from ....fitting.causes.walks import LogPieces, Walk, WalkPart
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.noise.difference_noise import measure_noise_of_means
+from ..thresholds import MOST_SCATTER, SCATTER_COUNTS, SCATTER_TOLD
 
 Array = np.ndarray
 SLOW = 4
@@ -43,14 +44,7 @@ PIECES = 120
 """Pieces of a run over which scatter is one value: what is quicker moves the wave too little."""
 FEWEST = 20
 """Rows from which a scatter is looked for."""
-LEAST = 0.3
-"""Standard deviations of a run's mean by which the scatter must move the wave within it to
-count."""
-TOLD = 1.0
-"""The same from which it is told."""
-MOST = 1.2
-"""Largest q; more than 1 where the scatter itself is measured too small."""
-PARTS = MOST * np.linspace(0, 1, 81) ** 2
+PARTS = MOST_SCATTER * np.linspace(0, 1, 81) ** 2
 """Values of q, closer where a large scatter leaves a little of it."""
 WEAKEST = 1e-2
 """Variance over that of the windows below which a direction is left alone."""
@@ -103,7 +97,7 @@ class Scatter:
     def find_moved_runs(self, series: MeasuredRuns) -> Array:
         """Runs (R,) in which it moves the wave by what could be seen."""
         rows = np.count_nonzero(series.weight > 0, axis=1)
-        return np.asarray(self.walk * np.sqrt(rows) > LEAST)
+        return np.asarray(self.walk * np.sqrt(rows) > SCATTER_COUNTS)
 
     @property
     def worst(self) -> int:
@@ -149,7 +143,7 @@ def soften_runs(fit: ExtendedFit, changed: Array) -> ExtendedFit:
     runs = [
         _Run(k, rows, doings[rows], np.zeros((0, 0)))
         for k, (rows, _, _) in enumerate(fit.design.own)
-        if driven[k] and np.linalg.norm(doings[rows], axis=0).max(initial=0.0) > LEAST
+        if driven[k] and np.linalg.norm(doings[rows], axis=0).max(initial=0.0) > SCATTER_COUNTS
     ]
     return _soften(fit, runs, None, 1.0, fit.series.scatter_part) if runs else fit
 
@@ -329,7 +323,7 @@ def allow(
     True
     """
     U, size, _ = np.linalg.svd(columns, full_matrices=False)
-    seen = size > LEAST
+    seen = size > SCATTER_COUNTS
     if not np.any(seen):
         return fit
     known = fit.series.unsettled
@@ -360,7 +354,7 @@ def describe_scatter(fit: ExtendedFit) -> str:
     """
     scatter = Scatter.from_commands(fit.series)
     walk = scatter.walk[scatter.worst] * fit.series.scatter_part
-    if walk < TOLD:
+    if walk < SCATTER_TOLD:
         return ""
     size = float(np.max(scatter.size[scatter.worst]))
     allowed = "; so much is in every standard deviation" if fit.series.scatter is not None else ""

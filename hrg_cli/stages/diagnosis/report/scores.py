@@ -21,7 +21,7 @@ from ..closing.sized import Sized
 from ..fits.variants import Variant
 from ..search.search_case import Case
 from ..search.selection import Search
-from ..search.separability import FAINT
+from ..thresholds import FAINT
 
 DIGITS = 6
 """Digits that are kept; a correlation closer to one than that is no matter of the noise."""

@@ -17,7 +17,7 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes, integrate_rat
 from ....fitting.least_squares import fit_columns, invert_scaled
 from ....fitting.samples.neighbours import find_local_median
 from ....records import Array, Wave
-from ..thresholds import JUMP_SIGMA
+from ..thresholds import JUMP_SIGMA, SKEWED
 
 NEIGHBOURS = 12
 TOUCHED = 6
@@ -32,8 +32,6 @@ have."""
 SPOILT = 1e-3
 """Part of a jump to which the motion on either side of it is known: its neighbours were fitted with
 a slope across it."""
-SKEWED = 3.0
-"""Condition of the two directions of motion beyond which they are not told apart."""
 MOST_SCALE_FACTOR = 2.0
 """Greatest |K| of a run that is looked for: the nominal one is at most 1."""
 CURVED = 1e-3

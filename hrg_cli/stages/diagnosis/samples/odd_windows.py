@@ -18,7 +18,7 @@ from ....fitting.envelopes.envelope_runs import compute_envelopes
 from ....fitting.samples.envelope_motion import estimate_curvatures
 from ....fitting.samples.neighbours import estimate_from_neighbours, find_local_median
 from ....records import Array, Wave
-from ..thresholds import BENT, BY_CHANCE, ODD_WINDOW
+from ..thresholds import BENT_WINDOW, BY_CHANCE, ODD_WINDOW
 from .heard import compute_harmonic_power
 from .lines import find_sampling_hz
 
@@ -106,7 +106,7 @@ def _bent(wave: Wave, rows: Array, std: Array, usual: Array) -> Array:
     known by: at the ends of a run it is continued, and a wave that turns fast within a window makes
     that rough."""
     doubt = _estimate_bend_std(wave)[rows]
-    return np.asarray(std**2 - usual**2 < (BENT * doubt) ** 2)
+    return np.asarray(std**2 - usual**2 < (BENT_WINDOW * doubt) ** 2)
 
 
 def _estimate_bend_std(wave: Wave) -> Array:

@@ -18,24 +18,18 @@ from ....fitting.noise import channel_noise
 from ....records import Wave
 from ..drive.scatter import find_corner_hz
 from ..fits.scoring import is_gross
-from ..thresholds import TONE
+from ..thresholds import DIES, ISOLATED, MIRRORED, ONE_SIDED_TONE, SURE_TO_DIE, TONE
 from .tone import Tone
 from .tone_size import NEAREST_CYCLES
 
 Array = np.ndarray
-ONE_SIDED, MIRRORED = 6.0, 2.0
-"""Power of a tone over its mirror's beside the resonance, less the floor in both, and σ of the
-mirror's noise allowed beside."""
 OFFERED = 1e-2
 """Chance, in the whole spectrum, of a bin whose frequency is looked at closely: its taper costs a
 third of a tone's power, and a place between two bins as much again."""
 FINE = 41
-DIES, SURE = 0.7, 4.0
-"""Part of its power that a tone has in the second half of the runs at least, and σ by which less
-must be sure."""
-ISOLATED, LOBE, BESIDE = 10.0, 2.5, 8.0
-"""Power of a tone beside a gross misfit over all that stands from LOBE to BESIDE cells of the
-longest run away from it: a misfit of the motion is no line alone."""
+LOBE, BESIDE = 2.5, 8.0
+"""Cells of the longest run away from a tone between which it is held against all that stands
+there."""
 LEFT_OUT = 1.75
 """Usual distances of the rows beyond which some between two were left out; a row of two windows
 beside rows of one stands 1.5 away."""
@@ -241,7 +235,7 @@ def _stand_out(spectrum: ResidualSpectrum, data: Sequence[Residual], fit: Extend
     noise = MIRRORED * level / np.sqrt(2 * spectrum.runs)  # of a sum of 2·runs exponentials
     wanted = (
         (nearest * shortest > NEAREST_CYCLES)
-        & (mirror - level < (power - level) / ONE_SIDED + noise)
+        & (mirror - level < (power - level) / ONE_SIDED_TONE + noise)
         & (spectrum.compute_chance() < OFFERED / len(power))
     )
     cells = longest * spectrum.frequency_hz[1]
@@ -297,7 +291,7 @@ def _stands(data: Sequence[Residual], beat_hz: float) -> bool:
             )
             powers[half] += float(np.sum(power) - 2 * noise)
             unsure += float(np.sum(2 * power * noise + noise**2))
-    return bool(powers[1] > DIES * powers[0] - SURE * np.sqrt(unsure))
+    return bool(powers[1] > DIES * powers[0] - SURE_TO_DIE * np.sqrt(unsure))
 
 
 def _floor(power: Array, width: int = 101) -> Array:

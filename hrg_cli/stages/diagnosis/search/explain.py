@@ -11,7 +11,7 @@ import numpy as np
 from ....fitting.causes import extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.variants import Variant
-from ..thresholds import GROSS, INADEQUATE, NEVER_LESS
+from ..thresholds import GROSS, INADEQUATE, NEVER_LESS, SLOWER_NOISE
 from .beside_misfit import drop_indistinct
 from .between import begin_with_frequencies, take_from_frequencies
 from .forecast import drop_misleading
@@ -29,9 +29,6 @@ LEAST_CHANGE = 0.03
 SLOWER, FEWEST_ROUGH = (4, 8), 20
 """Rows of the means that are asked where neighbours scatter by less than they state, and the rows
 of second differences from which they are."""
-CHANCE = 5.0
-"""Excess of the slower level over the neighbours' that chance does not make, times the root of the
-second differences: their median scatters by 1.6."""
 
 
 def explain(
@@ -179,7 +176,9 @@ def estimate_noise_level(fit: ExtendedFit, remainder: Remainder | None) -> float
     level, count = found
     if level < 1:
         slower = [_roughness(values, fit.series.weight, rows) for rows in SLOWER]
-        more = [one for one, n in filter(None, slower) if one > level * (1 + CHANCE / np.sqrt(n))]
+        more = [
+            one for one, n in filter(None, slower) if one > level * (1 + SLOWER_NOISE / np.sqrt(n))
+        ]
         level = min(1.0, max([level, *more]))
     if fit.chi2 > GROSS * fit.dof * max(level, 1.0) ** 2:
         return None

@@ -17,15 +17,11 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....physics import ellipse
 from ..fits.variants import Variant
+from ..thresholds import FAINT, INSEPARABLE
 from .late_thermometers import list_late_thermometers
 from .search_case import Case
 
 Array = np.ndarray
-FAINT = 0.02
-"""Independence beside the base model below which a cause is told from it only by what no model is
-exact enough for."""
-SAME = 0.999
-"""Cosine from which two causes, or one and a part of the other, do the same in these runs."""
 NOTHING = 1e-5
 """σ of all rows together that a difference step, a hundredth of the typical size, makes where it is
 more than rounding."""
@@ -176,7 +172,7 @@ def _same_beside_the_base(
     return [
         (a.name, b.name)
         for a, b in combinations(visible, 2)
-        if a.rank == b.rank and evidence.correlate_spaces(a, b) > SAME
+        if a.rank == b.rank and evidence.correlate_spaces(a, b) > INSEPARABLE
     ]
 
 
@@ -195,7 +191,7 @@ def _is_within(a: Array, b: Array) -> bool:
     """Whether the smaller of two spans (orthonormal columns) lies in the other: nothing it does is
     beyond the other."""
     overlap = np.linalg.svd(a.T @ b, compute_uv=False)
-    return bool(len(overlap) and overlap[-1] > SAME)
+    return bool(len(overlap) and overlap[-1] > INSEPARABLE)
 
 
 def _join_pairs(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:

@@ -15,6 +15,8 @@ from ..fits.refits import QUICK_STEPS, adopt_hopeful, settle
 from ..fits.scoring import score_effects
 from ..fits.strike_instants import settle_instants
 from ..fits.variants import Variant
+from ..thresholds import MATTERS, WORTHWHILE
+from ..thresholds import TAKES_NEARLY_ALL as NEARLY_ALL
 from .cases import Fitted
 from .logs import has_usual_scale_factor
 
@@ -23,13 +25,6 @@ Cause = tuple[Effect, Mapping[str, float]]
 MOST = 2
 """Causes at once that may stand against one wrong run, beside those that take nearly all there
 is."""
-NEARLY_ALL = 0.9
-"""Part of χ² that a cause must promise to be tried beside `MOST` others: what a wrong run does, no
-third cause takes up so well."""
-MATTERS = 0.7
-"""Part of χ² that a temperature dependence may leave for the thermometers to be looked at."""
-WORTHWHILE = 0.3
-"""Part of χ² that a cause's score must promise to be refitted."""
 TRIED = 3
 """Best scores that are refitted."""
 
