@@ -18,15 +18,15 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit, fit_point
 from ....fitting.causes.extended_fit import ExtendedFit
-from ..fits.refits import hold_effect
-from ..fits.scoring import is_gross
+from ..fits.refits import compute_bic, hold_effect
+from ..fits.scoring import is_gross, score_effects
 from ..thresholds import BESIDE_NOISE, SIGNIFICANT, WORTH
 from .inquiry import Inquiry, NoiseLevel
 from .offsets import Offsets, find_lone_run, judge_scatter, point_at, read_offsets
 from .other_ways import choose_ways
 from .run_patterns import QUIET, SPARE, Pattern, find_patterns, share_among
 from .search_case import Case
-from .selection import Begun, Found, prune_causes
+from .selection import Begun, Found, find_best_step, prune_causes
 
 Array = np.ndarray
 SCATTER = 1e-6
@@ -102,7 +102,18 @@ def begin_with_frequencies(base: ExtendedFit, inquiry: Inquiry) -> Begun:
     if is_gross(base):
         return Begun(base)
     taken = _follow(base, inquiry, min(MOST, inquiry.most), surely=True)
+    if taken.causes and _do_rows_settle(base, taken.fit, inquiry):
+        return Begun(base)
     return Begun(taken.fit, taken.causes)
+
+
+def _do_rows_settle(base: ExtendedFit, taken: ExtendedFit, inquiry: Inquiry) -> bool:
+    """Whether a cause that the rows show by themselves leaves the runs' frequencies at one, and is
+    the better account of the rows: what it bends in them moves the fitted frequencies too."""
+    step = find_best_step(base, score_effects(base, inquiry.candidates), inquiry.noise)
+    if step is None or compute_bic(step[0]) > compute_bic(taken):
+        return False
+    return judge_scatter(read_offsets(step[0], inquiry.noise)[0])[1] > QUIET
 
 
 @dataclass(frozen=True)
