@@ -169,7 +169,7 @@ def waves_to_results(
     resonator beside them, calibrate and compensate forced ones.
 
     Free runs show the resonator without a loop's answer and are diagnosed in seconds; forced ones
-    beside them (twelve of 1200 rows) take forty times as long.
+    beside them (twelve of 1200 rows) take more than thirty times as long.
 
     Parameters
     ----------
