@@ -125,7 +125,8 @@ def test_an_offset_that_drifts_is_no_tone_and_not_explained():
 @pytest.mark.parametrize(("times", "off_hz", "named"), ((3.0, 0.0, 1), (1.0, 50.0, 0)))
 def test_a_strong_tone_is_no_read_out_and_no_tone_elsewhere(times, off_hz, named):
     """At three times the oscillation, where a pick-off that bends would bend the wave's angle by
-    5e-3 rad as well; and five windows' widths beside it, of which windows show a faint image."""
+    5e-3 rad as well; and five windows' widths beside it, of which windows show a faint image: σ, made
+    of the samples, holds more than that (it was "unexplained" by its runs' ends, as without a tone)."""
     table = programme(5, runs=4, duration_s=10.0, noise=1e-4)
     table["recording"]["sample_rate_hz"] = 5000.0
     table["device"] |= {"frequency_hz": 503.7, "damping_rate_1_s": 0.05}
@@ -134,7 +135,7 @@ def test_a_strong_tone_is_no_read_out_and_no_tone_elsewhere(times, off_hz, named
     table["effects"] = {"mains_tone": parts | {"frequency_hz": tone_hz}}
     out = summarise(diagnose(waves(table, periods_per_window=50.0)))
     assert [one["name"] for one in out["effects"]] == ["mains_tone"] * named
-    assert named or out["verdict"] == "unexplained"
+    assert named or (out["verdict"] == "adequate" and out["after"]["chi2_per_dof"] < 0.6)
     for one in out["effects"]:
         assert abs(one["parameters"]["frequency_hz"]["value"] - tone_hz) < 1.0
         assert one["magnitude"]["c"] == pytest.approx(1e-3, rel=0.02)
