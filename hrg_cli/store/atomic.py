@@ -354,7 +354,7 @@ def shorten_name(path: Path) -> str:
     >>> shorten_name(Path("lot/table.csv")), len(shorten_name(Path("n" * 100)))
     ('table.csv', 60)
     """
-    return path.name.encode()[:SHOWN_BYTES].decode("utf-8", "ignore")
+    return path.name.encode("utf-8", "ignore")[:SHOWN_BYTES].decode("utf-8", "ignore")
 
 
 @functools.cache
