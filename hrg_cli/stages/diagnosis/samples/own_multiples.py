@@ -32,8 +32,8 @@ from .tone import SCATTER, Tone, compute_curvature_gain
 
 Array = np.ndarray
 HIGHEST = 9
-"""Highest multiple that is looked for where the windows' rate folds it: they weaken a higher one,
-and what makes such makes lower ones as well."""
+"""Highest multiple whose size goes with a power of the wave's, and that is looked for where the
+windows' rate folds it: higher ones are a converter's steps', and windows weaken them."""
 BOTH_WAYS = (1, -1)
 
 
@@ -62,8 +62,8 @@ def find_own_multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) ->
 
     Runs of length T tell its frequency to 1/T, and the oscillation's own from run to run apart. Of
     the amplitudes e (R, 2) no more may be left than noise has, or a fifth of their χ², by one
-    complex number times what the windows show of β = aⁿ, or of β the same at all a; where the
-    sampling alone folds it there, by its phases.
+    complex number times what the windows show of β = aⁿ, or of β the same at all a; by its phases
+    alone of a multiple so high that a converter's steps make it of any size and sign.
 
     Parameters
     ----------
@@ -101,8 +101,9 @@ def find_own_multiple(tone: Tone, waves: Sequence[Wave], frequency_hz: float) ->
         direct = abs(tone.frequency_hz - place) < _tolerance(waves, order)
         for power in (order, 0):
             shown = np.array([_show(tone, wave, order, power) for wave in waves])
-            leftovers = [_leave_common(tone, shown), _leave_phases(tone, shown)][: 1 + direct]
-            if not any(left < allowed for left, allowed in leftovers):
+            leave = _leave_common if order <= HIGHEST or power else _leave_phases
+            left, allowed = leave(tone, shown)
+            if not left < allowed:
                 continue
             amplitude = np.full(2, _scale(tone, shown) * size**power)
             line = Line(place, amplitude, tone.gain / 2, len(waves), np.ones((1, 2)))
@@ -174,8 +175,8 @@ def _leave_common(tone: Tone, shown: Array) -> tuple[float, float]:
 
 
 def _leave_phases(tone: Tone, shown: Array) -> tuple[float, float]:
-    """The same where only the phases are those of what windows show (R, 2), but for a common one:
-    the steps of a converter make it of any size and sign."""
+    """The same where only the phases are those of what windows show (R, 2), but for a common one
+    and signs."""
     unit = tone.vector / tone.std
     turned = unit * np.exp(-1j * np.angle(shown))
     taken = float(np.sum(np.abs(unit) ** 2) + np.abs(np.sum(turned**2))) / 2
