@@ -10,16 +10,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..errors import HrgError
-from ..fitting.tables.dwells import compute_covariance, find_least_count, lay_nodes
+from ..errors import HrgError, name_some
+from ..fitting.tables.dwells import compute_covariance, find_least_count
 from ..fourier import interpolate_coefficients
 from ..records import Calibration
-from .calibration.dwell_curve import Dwells, fit_without_spikes, list_curve_figures, read_dwell_rows
+from .calibration.dwell_curve import (
+    Dwells,
+    find_supported_curve,
+    list_curve_figures,
+    read_dwell_rows,
+)
 
 Array = np.ndarray
 SPIKES_SUSPECT = 0.05
@@ -110,7 +116,7 @@ def rate_table(
     ... )
     (True, True)
     """
-    y, omega, degc = read_dwell_rows(
+    y, omega, degc, number = read_dwell_rows(
         table,
         (output, rate, temperature),
         (temperature_bits, temperature_scale, temperature_offset_degc),
@@ -118,15 +124,14 @@ def rate_table(
     turning = _is_turning(omega, rate)
     scale = nominal_scale or (float(np.polyfit(omega, y, 1)[0]) if turning else 1.0)
     y = y / scale
-    nodes = (
-        lay_nodes(y, omega, degc, node_spacing_degc, interpolation, turning)
-        if temperature is not None
-        else np.zeros(1)
+    dwells = Dwells(y, omega, degc, np.zeros(0), interpolation, turning)
+    dwells, curve, reached = find_supported_curve(
+        dwells, node_spacing_degc, largest_power, spike_sigma
     )
-    dwells = Dwells(y, omega, degc, nodes, interpolation, turning)
-    curve = fit_without_spikes(dwells, largest_power, spike_sigma)
+    y, omega, degc, nodes = dwells.output, dwells.rate_rad_s, dwells.temperature_degc, dwells.nodes
     X = curve.X[curve.keep]
     covariance = compute_covariance(X, y[curve.keep] - X @ curve.coefficients, find_least_count(y))
+    left_out = _LeftOut(number[reached][~curve.keep], number[~reached], spike_sigma)
 
     record = Calibration(
         **_tables(curve.coefficients, covariance, nodes, turning),
@@ -137,12 +142,53 @@ def rate_table(
         rate_min_rad_s=float(omega.min()),
         rate_max_rad_s=float(omega.max()),
         correction="rate = (output/nominal_scale + D - sum c_p rate^p) / K",
-        details=json.dumps(list_curve_figures(dwells, curve, scale)),
+        details=json.dumps(
+            list_curve_figures(dwells, curve, scale) | left_out.list_figures(len(number))
+        ),
     )
     known = bool(np.isfinite(covariance).all())
-    return _remarked(record, curve.keep, spike_sigma, turning).judged(
-        _doubts(known, curve.too_many, len(y), spike_sigma)
+    return _remarked(record, left_out.say_spikes(len(number)), turning).judged(
+        _doubts(known, curve.too_many, len(y), spike_sigma) + left_out.say_ends()
     )
+
+
+@dataclass(frozen=True)
+class _LeftOut:
+    """Numbers from 1 of the rows that the curve was not fitted to: spikes, and rows beyond all
+    others that they do not confirm."""
+
+    spikes: Array
+    ends: Array
+    spike_sigma: float
+
+    def list_figures(self, rows: int) -> dict[str, Any]:
+        """For the record's details."""
+        numbers = sorted(int(n) for n in (*self.spikes, *self.ends))
+        return {"rows": rows, "rejected": len(numbers), "rejected_rows": numbers}
+
+    def say_spikes(self, rows: int) -> tuple[list[str], bool]:
+        """What was left out, and whether it is more than spikes are."""
+        if not len(self.spikes):
+            return [], False
+        return [
+            f"{len(self.spikes)} of {rows} rows are spikes (beyond {self.spike_sigma:g} robust"
+            f" standard deviations) and were left out: {_name_rows(self.spikes)}"
+        ], len(self.spikes) / rows > SPIKES_SUSPECT
+
+    def say_ends(self) -> list[str]:
+        """Rows at the end that may be spikes or the curve."""
+        if not len(self.ends):
+            return []
+        return [
+            f"{_name_rows(self.ends)}, beyond all others in temperature or rate, lies off the curve"
+            " of the others: whether it is a spike or the curve bends there cannot be known, and"
+            " the tables end before it; repeat the dwell"
+        ]
+
+
+def _name_rows(numbers: Array) -> str:
+    rows = f"row{'s' if len(numbers) > 1 else ''} {name_some(numbers.tolist())}"
+    return f"{rows} (counted below the columns' names)"
 
 
 def _covariance_of_tables(covariance: Array, count: int, turning: bool) -> Array:
@@ -174,20 +220,15 @@ def _doubts(known: bool, too_many: int, rows: int, spike_sigma: float) -> list[s
     return doubts
 
 
-def _remarked(record: Calibration, keep: Array, spike_sigma: float, turning: bool) -> Calibration:
+def _remarked(record: Calibration, spikes: tuple[list[str], bool], turning: bool) -> Calibration:
     """The record with what was left out and what it lacks; many spikes make it suspect."""
-    remarks = []
-    if (~keep).any():
-        remarks.append(
-            f"{int((~keep).sum())} of {len(keep)} rows are spikes (beyond {spike_sigma:g} robust"
-            " standard deviations) and were left out"
-        )
+    remarks, many = list(spikes[0]), spikes[1]
     if not turning:
         remarks.append(
             "the gyro did not turn: the table holds its bias only, the scale factor is the"
             " nominal one"
         )
-    if (~keep).mean() > SPIKES_SUSPECT:
+    if many:
         return record.judged(remarks)
     return record.replace(status_reasons=tuple(remarks))
 

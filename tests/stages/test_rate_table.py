@@ -230,3 +230,55 @@ def test_quartz_has_no_spike():
     record = rate_table(table, output="frequency_hz", temperature="temperature_c")
     assert summarise(record)["rejected"] == 0 and (np.abs(record.drift_rad_s) > 3e6).all()
     assert (record.drift_rad_s_std > 20).all() and (record.drift_rad_s_std < 1000).all()
+
+
+def small_table(seed, temperatures, repeats, turning, spike, row, bend=2e-7):
+    """Few dwells of 1e-6 noise on a curve, one of them shifted by so many times the noise."""
+    draw = np.random.default_rng(seed)
+    degc = np.repeat(np.linspace(0, 60, temperatures), repeats)
+    truth = 1e-3 + 1e-5 * (degc - 30) + bend * (degc - 20) ** 2
+    out = truth + 1e-6 * draw.normal(size=len(degc))
+    out[row] += spike * 1e-6
+    table = {"degc": degc, "out": out}
+    if turning:
+        rate = np.resize([-1.0, 0.0, 1.0], len(degc))
+        table |= {"out": out + 0.5 * rate, "rate": rate}
+    names = {"output": "out", "temperature": "degc"}
+    return table, names | ({"rate": "rate"} if turning else {})
+
+
+@pytest.mark.parametrize(
+    "shape, spike",
+    [((10, 1, False), 50), ((10, 1, True), 500), ((5, 3, True), 50), ((20, 1, False), 500)],
+)
+def test_one_spike_among_few_dwells_is_named_with_its_row(shape, spike):
+    """The nodes were chosen with the spike inside: two of them, σ 12 to 140 times the noise, and no
+    word of it."""
+    for seed in range(4):
+        table, names = small_table(seed, *shape, spike, 5)
+        record = rate_table(table, **names)
+        assert summarise(record)["rejected_rows"] == [6]
+        assert "row 6 (" in record.status_reasons[0]
+        assert np.median(record.drift_rad_s_std) < 5e-6
+
+
+@pytest.mark.parametrize("shape", [(10, 1, False), (10, 1, True), (20, 1, False)])
+@pytest.mark.parametrize("row", [0, -1])
+def test_an_end_that_nothing_confirms_is_suspect_and_no_part_of_the_table(shape, row):
+    for seed in range(4):
+        table, names = small_table(seed, *shape, 500, row, bend=0)
+        record = rate_table(table, **names)
+        assert record.status == "suspect" and "cannot be known" in record.status_reasons[-1]
+        assert summarise(record)["rejected_rows"] == [1 if row == 0 else shape[0]]
+        assert record.node_min > 0 if row == 0 else record.node_max < 60
+        assert (record.drift_rad_s_std < 1e-5).all()
+
+
+def test_smooth_curves_of_few_dwells_have_no_spikes():
+    curves = (np.square, np.exp, lambda u: np.sin(3 * u), lambda u: np.tanh(3 * u - 1.5))
+    for seed in range(40):
+        draw = np.random.default_rng(seed)
+        degc = np.repeat(np.linspace(0, 60, draw.integers(10, 41)), draw.choice([1, 2]))
+        out = curves[seed % 4](degc / 60) + 10 ** draw.uniform(-4, -1) * draw.normal(size=len(degc))
+        record = rate_table({"out": out, "T": degc}, output="out", temperature="T")
+        assert record.status == "valid" and summarise(record)["rejected"] == 0

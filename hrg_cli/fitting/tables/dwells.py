@@ -27,18 +27,16 @@ ROUNDING = 1e-12
 """Relative scatter that is rounding, not noise."""
 
 
-def lay_nodes(
-    y: Array, omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool
-) -> Array:
-    """Even nodes at most `spacing` apart, as many as the rows can carry.
+def list_node_choices(
+    omega: Array, degc: Array, spacing: float, interpolation: str, turning: bool
+) -> list[Array]:
+    """Even nodes at most `spacing` apart, in every number that the rows can carry.
 
-    Every node is seen, and rows are left over to tell their scatter. Where the rows are few for the
-    nodes that the spacing asks for, their number is that which predicts rows left out best.
+    Every node is seen, and rows are left over to tell their scatter. Where the rows are many for
+    the nodes that the spacing asks for, it alone decides.
 
     Parameters
     ----------
-    y
-        Output (n,).
     omega
         Rate (n,) [rad/s].
     degc
@@ -52,37 +50,38 @@ def lay_nodes(
 
     Returns
     -------
-    ndarray
-        (J,) [°C].
+    list of ndarray
+        Each (J,) [°C]; one where the spacing decides, several where the rows must choose.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.tables.dwells import lay_nodes
+    >>> from hrg_cli.fitting.tables.dwells import list_node_choices
     >>> degc = np.linspace(0.0, 40.0, 100)
-    >>> lay_nodes(0.1 * degc, 0 * degc, degc, 20.0, "linear", False).tolist()
-    [0.0, 20.0, 40.0]
+    >>> [n.tolist() for n in list_node_choices(0 * degc, degc, 20.0, "linear", False)]
+    [[0.0, 20.0, 40.0]]
+    >>> [len(n) for n in list_node_choices(0 * degc[::10], degc[::10], 5.0, "linear", False)]
+    [2, 3, 4, 5, 6]
     """
     low, high = float(degc.min()), float(degc.max())
     if high - low < 1e-6:
-        return np.array([low])
+        return [np.array([low])]
     count = int(np.clip(np.ceil((high - low) / spacing) + 1, 2, 12))
     a_node = 2 if turning else 1
     # A third of the rows stays to tell the scatter, four at the least.
-    room = max(2, (len(y) - max(FEWEST_LEFT, len(y) // 3)) // a_node)
+    room = max(2, (len(degc) - max(FEWEST_LEFT, len(degc) // 3)) // a_node)
     able = []
     for n in range(2, min(count, room) + 1):
-        X = build_dwell_design(
-            omega, degc, nodes := np.linspace(low, high, n), interpolation, turning, []
-        )
+        nodes = np.linspace(low, high, n)
+        X = build_dwell_design(omega, degc, nodes, interpolation, turning, [])
         size = np.linalg.norm(X, axis=0)
         if (size > 0).all() and np.linalg.cond(X / size) < LARGEST_CONDITION:
-            able.append((nodes, X))
+            able.append(nodes)
     if not able:
-        return np.array([(low + high) / 2])
-    if len(able[-1][0]) == count and len(y) >= ROWS_A_NODE * a_node * count:
-        return able[-1][0]
-    return min(able, key=lambda pair: compute_held_out_rms(y, pair[1]))[0]
+        return [np.array([(low + high) / 2])]
+    if len(able[-1]) == count and len(degc) >= ROWS_A_NODE * a_node * count:
+        return able[-1:]
+    return able
 
 
 def find_least_count(y: Array) -> float:
@@ -112,11 +111,11 @@ def find_least_count(y: Array) -> float:
         return 0.0
     step = float(steps.min())
     multiples = steps / step
-    on_grid = (
-        float(np.max(np.abs(multiples - np.round(multiples)) / np.maximum(multiples, 1))) < ON_GRID
-    )
-    # values one step apart all along are a ramp, which looks the same without any grid
-    return step if on_grid and multiples.max() > 1.5 else 0.0
+    miss = float(np.max(np.abs(multiples - np.round(multiples)) / np.maximum(multiples, 1)))
+    # one step apart all along, and two where a row lies in another band, is a ramp, which looks the
+    # same without any grid; and a large multiple is always near a whole one
+    telling = multiples[2 * miss * multiples < 1]
+    return step if miss < ON_GRID and len(np.unique(np.round(telling))) > 2 else 0.0
 
 
 def find_spikes(X: Array, residual: Array, keep: Array, limit: float, step: float) -> Array:

@@ -243,7 +243,9 @@ class CalibrateTable(Common):
     rows: int
     """Rows of the table."""
     rejected: int
-    """Spikes left out."""
+    """Spikes and unconfirmed ends left out."""
+    rejected_rows: list[int]
+    """Their rows, counted from 1 below the columns' names."""
     nonlinearity_ppm: Number = None
     """Of the scale factor, where the gyro turned."""
     asymmetry_ppm: Number = None
