@@ -4,11 +4,16 @@ unseen.
 Runs that dwell at a few nodes show orders T_k of the temperature (Chebyshev) below their number J,
 and none beyond; of those that they show, linear pieces and splines hold a part only. How the orders
 fall says how large the unseen ones may be: each is taken as Gaussian, ρ times the one before, with
-ρ anywhere from 0 to 1 and one size for all harmonics,
+ρ anywhere from 0 to 1,
 
-    c_k ~ N(0, s²ρ^{2k}),  p(ρ | c_1 … c_{J−1}) ∝ Π_k ρ^{−kh} (Σ_k |c_k|² ρ^{−2k})^{−h(J−1)/2},
+    c_k ~ N(0, s²ρ^{2(k−1)}),  p(ρ | c) ∝ Π_k ρ^{−(k−1)H} (Σ_k |c_k|² ρ^{−2(k−1)})^{−H(J−1)/2},
+    p(s | c, ρ) ∝ (1 + s²/3u²)^{−2} Π_k (sρ^{k−1})^{−h} exp(−h|c_k|²/2s²ρ^{2(k−1)}),
 
-(h harmonics, s integrated out). What interpolation misses of each order is added in squares.
+|c_k|² the mean over harmonics. All H of them fall alike; the size is told by the h that move, of a
+scale factor often the constant part alone, of which two nodes may show the same by chance. u is
+what physics expects of c_1, and sizes below it are all as likely, so that a small difference is no
+proof of a small bend (half-t of three degrees; Gelman, Bayesian Analysis 1, 2006). What
+interpolation misses of each order is added in squares.
 
 Of many nodes, or where runs pass between them, each inner node is predicted from the others
 instead.
@@ -21,13 +26,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from ...effects import find
+from ...effects.effect import RELATIVE_TO_TEMPERATURE
 from ...fitting.tables.joint import Fitted
 from ...fitting.tables.normal_pieces import TableSolution
+from ...fitting.tables.table_layout import TableLayout
 from ...fourier import build_harmonic_basis, compute_node_weights
 
 Array = np.ndarray
 RATIOS = np.linspace(0.01, 1.0, 100)
 """Of one order's size to that of the order before."""
+SIZES = np.geomspace(1e-5, 1e4, 181)
+"""Of the first order, over its usual one."""
 UNSEEN_ORDERS = 3
 """Orders beyond those that the nodes show which are counted."""
 FINE = 201
@@ -36,6 +46,16 @@ BETWEEN = 0.5
 """Of `make_bump`, from which a row stands between nodes and not at one."""
 PASSED = 0.1
 """Part of the rows between nodes from which the runs themselves judge the interpolation."""
+PER_KELVIN = {
+    name: next(p.typical for p in find(effect).parameters if p.name == RELATIVE_TO_TEMPERATURE)
+    for name, effect in (
+        ("drift_rad_s", "thermal_damping"),
+        ("scale_factor", "scale_factor_temperature"),
+    )
+}
+"""Usual relative change of a table a kelvin: of the damping, of which drift is made, and of K."""
+FREQUENCY_PER_KELVIN = 85e-6
+"""Of fused silica (PHYSICS §1, M9), where the nodes are of frequency."""
 MOST_ORDERS = 6
 """Nodes up to which their values are told by orders: of more, even ones, a small error at a node is
 a large one of the highest."""
@@ -50,14 +70,33 @@ class _Nodes:
     values: Array
     covariance: Array
     basis: Array
+    usual_change: float
+    """Of order 1: relative change over half the nodes' range."""
+
+    def count_moving(self, combined: Array) -> float:
+        """How many harmonics make up combinations (k, J) of the nodes, noise taken off: (Σe)²/Σe²
+        of their energies, every combination of the same weight; 1 where none is seen."""
+        count = self.values.shape[1]
+        covariance = self.covariance.reshape(len(self.places), count, len(self.places), count)
+        noise = np.einsum("ki,ihjh,kj->kh", combined, covariance, combined)
+        energy = np.maximum((combined @ self.values) ** 2 - noise, 0) * np.mean(self.basis**2, 0)
+        whole = energy.sum(axis=1)
+        parts = (energy[whole > 0] / whole[whole > 0, None]).sum(axis=0)
+        return float(parts.sum() ** 2 / np.sum(parts**2)) if parts.any() else 1.0
+
+    def compute_square(self, combined: Array) -> float:
+        """Mean square over the wave angle of a combination (J,) of the nodes."""
+        return float(np.mean((self._rows(combined) @ self.values.ravel()) ** 2))
 
     def compute_energy(self, combined: Array) -> float:
-        """Mean square over the wave angle of a combination (J,) of the nodes, less what noise makes
-        of it."""
-        rows = (combined[None, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
-        seen = rows @ self.values.ravel()
+        """The same less what noise makes of it."""
+        rows = self._rows(combined)
         noise = np.einsum("ai,ij,aj->a", rows, self.covariance, rows)
-        return float(np.mean(seen**2 - noise))
+        return self.compute_square(combined) - float(np.mean(noise))
+
+    def _rows(self, combined: Array) -> Array:
+        """Of a combination at the angles (A, J · harmonics), by the values."""
+        return (combined[None, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
 
 
 def make_bump(x: Array, nodes: Array) -> Array:
@@ -147,9 +186,18 @@ def estimate_interpolation_doubt(
             table[:, :size],
             solution.covariance[np.ix_(columns, columns)] * chi2,
             build_harmonic_basis(angles, limit, layout.mode_number),
+            PER_KELVIN[name] * _half_range_k(layout),
         )
         out[name] = _judge_orders(nodes, kind) if by_orders else _judge_left_out(nodes, kind)
     return out
+
+
+def _half_range_k(layout: TableLayout) -> float:
+    """Half of what the nodes span, in kelvin."""
+    half = float(np.ptp(layout.nodes)) / 2
+    if layout.axis == "temperature":
+        return half
+    return half / (FREQUENCY_PER_KELVIN * float(np.mean(layout.nodes)))
 
 
 def _only_at_nodes(fitted: Fitted) -> bool:
@@ -187,8 +235,11 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     within = np.linspace(-1, 1, FINE)
     at_nodes = (2 * nodes.places - low - high) / (high - low)
     to_orders = np.linalg.inv(chebyshev.chebvander(at_nodes, count - 1))
+    shown = [nodes.compute_square(row) for row in to_orders]
     seen = [max(nodes.compute_energy(row), 0.0) for row in to_orders[1:]]
-    sizes = [*seen, *_predict_orders(seen, nodes.values.shape[1])]
+    usual = nodes.usual_change * float(np.sqrt(shown[0]))
+    moving = nodes.count_moving(to_orders[1:])
+    sizes = [*seen, *_predict_orders(shown[1:], nodes.values.shape[1], moving, usual)]
     weights = compute_node_weights(within, at_nodes, kind)
     missed = [
         float(np.max((order(within) - weights @ order(at_nodes)) ** 2))
@@ -197,14 +248,20 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     return float(np.sqrt(np.dot(sizes, missed)))
 
 
-def _predict_orders(seen: list[float], harmonics: int) -> Array:
-    """Mean squares of the next orders (UNSEEN_ORDERS,) from those seen (K,) of the first ones."""
-    if not any(seen):
+def _predict_orders(seen: list[float], harmonics: int, moving: float, usual: float) -> Array:
+    """Mean squares of the next orders (UNSEEN_ORDERS,) from those seen (K,) of the first ones, and
+    from the usual size of the first; so many harmonics fall, of which some move."""
+    if not (usual > 0 and any(seen)):
         return np.zeros(UNSEEN_ORDERS)
-    order = np.arange(1, len(seen) + 1)
-    scaled = np.sum(np.array(seen) * RATIOS[:, None] ** (-2.0 * order), axis=1)
-    log_chance = -harmonics * (np.log(RATIOS) * order.sum() + len(seen) / 2 * np.log(scaled))
+    order, ratio = np.arange(len(seen)), RATIOS[:, None]
+    of_first = np.sum(np.array(seen) * ratio ** (-2.0 * order), axis=1)
+    log_chance = -harmonics * (np.log(RATIOS) * order.sum() + len(seen) / 2 * np.log(of_first))
     chance = np.exp(log_chance - log_chance.max())
-    of_zeroth = chance / chance.sum() * scaled / len(seen)
-    following = len(seen) + 1 + np.arange(UNSEEN_ORDERS)
-    return np.asarray(of_zeroth @ RATIOS[:, None] ** (2.0 * following))
+    size = usual * SIZES
+    log_size = -moving * (len(seen) * np.log(size) + of_first[:, None] / (2 * size**2))
+    # sizes are looked at evenly in ln s
+    log_size += np.log(size) - 2 * np.log1p(SIZES**2 / 3)
+    of_size = np.exp(log_size - log_size.max(axis=1, keepdims=True))
+    square = of_size @ size**2 / of_size.sum(axis=1)
+    following = len(seen) + np.arange(UNSEEN_ORDERS)
+    return np.asarray((chance * square / chance.sum()) @ ratio ** (2.0 * following))

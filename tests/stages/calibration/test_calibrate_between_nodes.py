@@ -155,3 +155,14 @@ def test_runs_that_pass_between_the_nodes_show_how_the_tables_bend():
     record = calibrate(waves, nodes=[LOW, 20.0, HIGH], **FIXED)
     assert not any("between" in reason for reason in record.status_reasons)
     assert np.all(np.array(errors_over_std(record, truth)) < 1.5)
+
+
+@pytest.mark.parametrize("slope", [2e-5, 0.0])
+def test_two_nodes_of_one_scale_factor_by_chance_do_not_say_that_it_is_straight(slope):
+    """A bend of 400 ppm between nodes whose K differs by 60 ppm was 4.4 σ, and without any
+    difference more: its size was told by that difference alone."""
+    truth = Bent(1, 0.6)
+    truth.k[1:] = 0.0
+    truth.k[1, 0], truth.k[2, 0] = slope, 1e-4
+    _, scale = errors_over_std(calibrated(truth, 2, 1), truth)
+    assert 0.2 < scale < 2.0
