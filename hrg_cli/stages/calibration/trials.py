@@ -25,6 +25,7 @@ from .late_log import Lateness, follow
 from .preparation import PreparedRuns
 from .resonators import ResonatorCoefficients, pool_resonators
 from .variant_solutions import Wanted
+from .wider_model import WIDEST, hold_against_widest
 
 Array = np.ndarray
 
@@ -271,7 +272,9 @@ def try_models(
     coefficients, why_not = resonators
     possible, not_tried = list_possible(whole.layout, coefficients, why_not)
     names = _choose_names(model, possible, not_tried, refused, whole.factors)
-    tried = solve_variants(whole.fitted, folds, names, wanted, coefficients)
+    beside = [WIDEST] if WIDEST in possible and WIDEST not in names and not refused else []
+    tried = solve_variants(whole.fitted, folds, [*names, *beside], wanted, coefficients)
+    tried = hold_against_widest(whole.layout, tried)[: len(names)]
     answer = choose_best(tried) if model == "auto" else tried[0]
     return TriedModels(tried, answer, not_tried, coefficients)
 
