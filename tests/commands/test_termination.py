@@ -13,6 +13,8 @@ from hrg_cli.commands.termination import TerminatedError, end_when_terminated
 class Thing:
     pass
 
+# a shell in the background leaves its children deaf to Ctrl-C
+signal.signal(signal.SIGINT, signal.default_int_handler)
 thing = Thing()
 reference = weakref.ref(thing, lambda _: signal.raise_signal(int(sys.argv[1])))
 started = time.monotonic()
