@@ -168,9 +168,10 @@ def _find_mistakes_of_runs(
     beside = fit_warming(fitted, candidates, base) or _fit_beside_causes(
         waves, fitted, base, candidates
     )
-    if beside is None:
+    level = None if beside is None else fit_or_none(waves, beside)
+    if beside is None or level is None:
         return cold
-    found = _wrong_runs(waves, beside, beside(waves), find_every_mistake)
+    found = _wrong_runs(waves, beside, level, find_every_mistake)
     if cold is None or (
         found is not None and found.chi2_per_dof * ONE_MORE_RUN < cold.chi2_per_dof
     ):
