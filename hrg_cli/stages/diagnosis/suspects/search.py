@@ -192,7 +192,8 @@ def _fit_beside_causes(
     """The fit with the few causes that the others show without the run that is doubted most; None
     where they agree without one, or show none.
 
-    A wrong run hides what else the runs show, and without that the others do not agree.
+    A wrong run hides what else the runs show, and without that the others do not agree. Of causes
+    that go with the phase none is asked: a run whose sign is not yet found would be the wrong one.
     """
     without = fit_without_each(waves, [], fitted, base) if len(waves) > 1 else []
     if not without or not is_gross(without[0][1]):
@@ -200,7 +201,7 @@ def _fit_beside_causes(
     others = without[0][1]
     if others.chi2 / others.dof > base.chi2 / base.dof / ONE_MORE_RUN:
         return None
-    effects = list(dict.fromkeys(one.effect for one in candidates))
+    effects = list(dict.fromkeys(one.effect for one in candidates if not one.effect.coherent))
     nearest = fit_nearest(others, list_variants(effects, others), PHYSICS_RIVAL)
     causes = [(effect, nearest.values(effect.name)) for effect, _ in nearest.point.active]
     return add_causes_to_fit(fitted, causes) if causes else None

@@ -393,6 +393,11 @@ def test_a_real_cause_is_blamed_on_no_run(name):
     assert told(hidden(name, 2)) == []
 
 
+def test_a_force_with_the_phase_blames_no_run_whose_sign_is_not_yet_found():
+    """The others agreed beside it; the run of the other sign was "another gyro"."""
+    assert told(hidden("parasitic_force", 1, 3.0)) == []
+
+
 @pytest.mark.parametrize("runs", (2, 3))
 def test_a_real_cause_in_few_runs_is_blamed_on_no_run(runs):
     waves = estimated(
