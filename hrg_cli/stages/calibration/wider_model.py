@@ -16,6 +16,7 @@ from ...fitting.tables.table_layout import TableLayout
 from ...fourier import build_harmonic_basis
 from ..diagnosis.thresholds import OWN_SIGMA
 from .choice import TriedVariant
+from .record import compute_table_std
 
 Array = np.ndarray
 WIDEST = "combined"
@@ -63,14 +64,19 @@ def _with_check(layout: TableLayout, one: TriedVariant, widest: TriedVariant) ->
 
 def _compare(layout: TableLayout, one: TriedVariant, widest: TriedVariant) -> Check:
     """The rms over nodes and angles of how far the tables differ, in the larger of both errors."""
-    step = one.tried.solution.coefficients - widest.tried.solution.coefficients
+    angles = np.linspace(0, np.pi / layout.mode_number, ANGLES, endpoint=False)
+    parts = zip(
+        *(layout.split_tables(t.tried.solution.coefficients) for t in (one, widest)),
+        (layout.drift_harmonics, layout.scale_harmonics),
+        (0, layout.drift_size),
+        strict=True,
+    )
     apart = []
-    for rows in _list_rows(layout):
-        variances = [
-            np.sum((rows @ t.tried.solution.covariance) * rows, axis=1) for t in (one, widest)
-        ]
-        square = (rows @ step) ** 2 / np.maximum(np.maximum(*variances), np.finfo(float).tiny)
-        apart.append(float(np.sqrt(np.mean(square))))
+    for own, wide, limit, first in parts:
+        basis = build_harmonic_basis(angles, limit, layout.mode_number)
+        std = np.maximum(*(_table_std(layout, t, basis, first) for t in (one, widest)))
+        step = (own - wide) @ basis.T / np.maximum(std, np.finfo(float).tiny)
+        apart.append(float(np.sqrt(np.mean(step**2))))
     sentence = (
         f"the tables of model {one.name} differ from those of the wider model {WIDEST} by"
         f" {max(apart):.2g} times the error stated: harmonics may have taken up what it leaves out;"
@@ -79,18 +85,8 @@ def _compare(layout: TableLayout, one: TriedVariant, widest: TriedVariant) -> Ch
     return check_at_most("wider_model", max(apart), OWN_SIGMA, sentence)
 
 
-def _list_rows(layout: TableLayout) -> list[Array]:
-    """Derivatives of D and of K (nodes · angles, size) at the nodes by all coefficients."""
-    angles = np.linspace(0, np.pi / layout.mode_number, ANGLES, endpoint=False)
-    places = np.arange(layout.size)
-    out = []
-    for limit, part in (
-        (layout.drift_harmonics, layout.drift),
-        (layout.scale_harmonics, layout.scale),
-    ):
-        basis = build_harmonic_basis(angles, limit, layout.mode_number)
-        rows = np.zeros((len(layout.nodes), ANGLES, layout.size))
-        for j in range(len(layout.nodes)):
-            rows[j][:, places[part(j)]] = basis
-        out.append(rows.reshape(-1, layout.size))
-    return out
+def _table_std(layout: TableLayout, variant: TriedVariant, basis: Array, first: int) -> Array:
+    """σ (nodes, angles) of the table whose coefficients stand there among those of a node."""
+    tables = slice(layout.table_size)
+    covariance = variant.tried.solution.covariance[tables, tables]
+    return compute_table_std(basis, covariance, len(layout.nodes), first)

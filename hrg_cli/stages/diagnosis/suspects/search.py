@@ -51,6 +51,8 @@ from .rivals import add_causes_to_fit, fit_catalogue, fit_nearest, fit_warming
 from .two_gyros import find_second_gyro
 from .unlogged_rates import find_unlogged_rates
 
+Without = tuple[int, ExtendedFit]
+"""A run's number and the fit to the others."""
 UNLIKE = "unlike the others"
 """A run of which no mistake is found."""
 DOUBTED = 2
@@ -162,11 +164,14 @@ def _find_mistakes_of_runs(
 ) -> SuspectFound | None:
     """The runs without which the others agree, as they are or beside what else they show, or whose
     dampings do not."""
-    cold = _wrong_runs(waves, fitted, base, find_mistakes) or find_leaks(waves, fitted, base)
+    without = fit_without_each(waves, [], fitted, base) if len(waves) > 1 else []
+    cold = _wrong_runs(waves, fitted, base, find_mistakes, without) or find_leaks(
+        waves, fitted, base
+    )
     if cold is not None and (cold.chi2_per_dof < PHYSICS_RIVAL or _is_sure(cold, base)):
         return cold
     beside = fit_warming(fitted, candidates, base) or _fit_beside_causes(
-        waves, fitted, base, candidates
+        without, fitted, base, candidates
     )
     level = None if beside is None else fit_or_none(waves, beside)
     if beside is None or level is None:
@@ -187,15 +192,14 @@ def _is_sure(found: SuspectFound, base: ExtendedFit) -> bool:
 
 
 def _fit_beside_causes(
-    waves: Sequence[Wave], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
+    without: Sequence[Without], fitted: Fitted, base: ExtendedFit, candidates: Sequence[Variant]
 ) -> Fitted | None:
     """The fit with the few causes that the others show without the run that is doubted most; None
-    where they agree without one, or show none.
+    where they agree without one, or show none. `without`: the fits without each run.
 
     A wrong run hides what else the runs show, and without that the others do not agree. Of causes
     that go with the phase none is asked: a run whose sign is not yet found would be the wrong one.
     """
-    without = fit_without_each(waves, [], fitted, base) if len(waves) > 1 else []
     if not without or not is_gross(without[0][1]):
         return None
     others = without[0][1]
@@ -272,13 +276,14 @@ def _wrong_runs(
     fitted: Fitted,
     level: ExtendedFit,
     makers: Maker,
+    without: Sequence[Without] = (),
 ) -> SuspectFound | None:
     """Fewer than half of the runs without which the others agree, and the mistake of each; None
-    where there are none such."""
+    where there are none such. `without`: the fits without each run, where they are made."""
     before = level.chi2 / level.dof
     if before < GROSS:
         return None
-    wrong, without = _find_culprits(waves, fitted, level)
+    wrong, doubted = _find_culprits(waves, fitted, level, without)
     if not wrong:
         return None
     pieces: list[tuple[Wave, ...]] = [() if k in wrong else (wave,) for k, wave in enumerate(waves)]
@@ -288,7 +293,7 @@ def _wrong_runs(
         if number + 1 == len(wrong) == 1:
             cases = [
                 case
-                for k, others in without
+                for k, others in doubted
                 for case in find_cases(leave_out(waves, k), waves[k], k, others, fitted, makers)
             ]
         else:
@@ -373,16 +378,17 @@ def _put_simpler_first(ranked: Sequence[SuspectCase]) -> list[SuspectCase]:
 
 
 def _find_culprits(
-    waves: Sequence[Wave], fitted: Fitted, level: ExtendedFit
-) -> tuple[list[int], list[tuple[int, ExtendedFit]]]:
+    waves: Sequence[Wave], fitted: Fitted, level: ExtendedFit, without: Sequence[Without] = ()
+) -> tuple[list[int], list[Without]]:
     """Runs left out one after another until the others agree, and the fits without each run that is
     doubted as much as the first."""
     if len(waves) == 1:
         return [0], [(0, level)]
     before, left_out = level.chi2 / level.dof, list[int]()
-    doubted: list[tuple[int, ExtendedFit]] = []
+    doubted: list[Without] = []
     while len(left_out) < max(1, (len(waves) - 1) // 2):
-        without = fit_without_each(waves, left_out, fitted, level)
+        if left_out or not without:
+            without = fit_without_each(waves, left_out, fitted, level)
         if not without:
             return [], []
         best = without[0][1].chi2 / without[0][1].dof
@@ -519,7 +525,7 @@ def _read(
 
 def fit_without_each(
     waves: Sequence[Wave], left_out: Sequence[int], fitted: Fitted, level: ExtendedFit
-) -> list[tuple[int, ExtendedFit]]:
+) -> list[Without]:
     """The fits without each of the runs beside those left out already, that which leaves the others
     agreeing best first.
 
@@ -555,7 +561,7 @@ def fit_without_each(
     there = [k for k in range(len(waves)) if k not in left_out]
     missed = dict(zip(there, _misfits(level), strict=True))
 
-    def fit_all(runs: Sequence[int], quick: bool) -> list[tuple[int, ExtendedFit]]:
+    def fit_all(runs: Sequence[int], quick: bool) -> list[Without]:
         fits = [(k, fit_or_none([waves[j] for j in there if j != k], fitted, quick)) for k in runs]
         found = [(k, fit) for k, fit in fits if fit is not None]
         return sorted(found, key=lambda pair: pair[1].chi2 / pair[1].dof)
