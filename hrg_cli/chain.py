@@ -230,6 +230,31 @@ def waves_to_results(
             calibration = output if stage == "calibrate" else calibration
 
 
+def list_undiagnosed(steps: Sequence[Step]) -> list[str]:
+    """Waves that a result was made of and the diagnosis did not take: driven ones beside free ones.
+
+    Parameters
+    ----------
+    steps
+        Of the chain.
+
+    Returns
+    -------
+    list of str
+        Names of files; none where there is no diagnosis.
+
+    Examples
+    --------
+    >>> from hrg_cli.chain import Step, list_undiagnosed
+    >>> taken = {"diagnose": ("free.wave.h5",), "calibrate": ("slow.wave.h5", "fast.wave.h5")}
+    >>> list_undiagnosed([Step(name, waves, "", "valid") for name, waves in taken.items()])
+    ['slow.wave.h5', 'fast.wave.h5']
+    """
+    diagnosed = {wave for step in steps if step.name == "diagnose" for wave in step.inputs}
+    others = [wave for step in steps if step.name == "calibrate" for wave in step.inputs]
+    return [wave for wave in others if wave not in diagnosed] if diagnosed else []
+
+
 def find_mode(wave: Path) -> str:
     """Whether a wave was free or driven.
 

@@ -59,7 +59,7 @@ def report(
     from ..reporting.page import build_report, write_figures
 
     if format == "png":
-        return write_figures(files, output, truth=truth)
+        return write_figures(files, output, force, truth=truth)
     store.check_output(output, force)
     limits = limits or {}
     limited = [path for path in files if concerns(limits, store.find_kind(path).kind)]

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import settings, store
-from ..chain import Step
+from ..chain import Step, list_undiagnosed
 from ..errors import HrgError
 from ..extended import find_extended_paths
 from ..extras import tell_lack_of_pages
@@ -392,32 +392,6 @@ def list_reasons(steps: Sequence[Step]) -> list[str]:
         f"{outputs[0]}{f' and {len(outputs) - 1} more' if len(outputs) > 1 else ''}: {reason}"
         for reason, outputs in named.items()
     ]
-
-
-def list_undiagnosed(steps: Sequence[Step]) -> list[str]:
-    """Waves that a result was made of and the diagnosis did not take: driven ones beside free ones.
-
-    Parameters
-    ----------
-    steps
-        Of the chain.
-
-    Returns
-    -------
-    list of str
-        Names of files; none where there is no diagnosis.
-
-    Examples
-    --------
-    >>> from hrg_cli.chain import Step
-    >>> from hrg_cli.commands.run import list_undiagnosed
-    >>> taken = {"diagnose": ("free.wave.h5",), "calibrate": ("slow.wave.h5", "fast.wave.h5")}
-    >>> list_undiagnosed([Step(name, waves, "", "valid") for name, waves in taken.items()])
-    ['slow.wave.h5', 'fast.wave.h5']
-    """
-    diagnosed = {wave for step in steps if step.name == "diagnose" for wave in step.inputs}
-    others = [wave for step in steps if step.name == "calibrate" for wave in step.inputs]
-    return [wave for wave in others if wave not in diagnosed] if diagnosed else []
 
 
 def say_undiagnosed(count: int, folder: Path) -> str:

@@ -30,6 +30,8 @@ CANDIDATES = (
     (" ", ","),
 )
 """(separator, decimal sign) in the order of preference; a blank stands for any run of blanks."""
+LOOKED_AT = 400
+"""So many of the last lines of what is looked at tell the dialect."""
 COMMENTS = ("#", "%", "!", "//", "*")
 _NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
 _BESIDE_TITLES = re.compile(r"^(sequence|increment|t0\s*=.*|tinc\s*=.*)$", re.IGNORECASE)
@@ -234,7 +236,7 @@ def sniff(
     if not any(line.strip() for line in lines):
         raise HrgError(f"{path}: is empty; a log with columns of numbers was expected")
     best: tuple[tuple[int, int], str, str, list[str]] | None = None
-    rows = [line for _, line in shown][-400:]
+    rows = [line for _, line in shown][-LOOKED_AT:]
     for rank, (sep, dec) in enumerate(CANDIDATES):
         if (separator is not None and sep != separator) or (decimal is not None and dec != decimal):
             continue
@@ -248,11 +250,34 @@ def sniff(
     assert best is not None
     _, sep, dec, kinds = best
     if "number" not in kinds:
-        raise HrgError(
-            f"{path}: no line of numbers was found in it; a log with a row a sample was expected (a"
-            " header alone is not enough)"
-        )
+        raise _explain_no_numbers(path, shown)
     return _described(path, encoding, lines, shown, sep, dec, kinds)
+
+
+def _explain_no_numbers(path: Path, shown: list[tuple[int, str]]) -> HrgError:
+    """Why no dialect was found: nowhere a row, or many lines of words below the last one."""
+    rows = [k for k, (_, line) in enumerate(shown) if _is_row(line)]
+    if not rows or rows[-1] == len(shown) - 1:
+        return HrgError(
+            f"{path}: no line of numbers was found in it; a log with a row a sample was expected"
+            " (a header alone is not enough)"
+        )
+    last, (number, line) = shown[rows[-1]][0], shown[rows[-1] + 1]
+    return HrgError(
+        f"{path}: below line {last + 1} its lines hold no rows of numbers any more"
+        f" ({len(shown) - rows[-1] - 1} lines; line {number + 1} is {line.strip()[:40]!r}); the log"
+        " is broken there: cut it before that line or record it again"
+    )
+
+
+def _is_row(line: str) -> bool:
+    """Whether a line is several numbers or times in any way of writing, and nothing else."""
+    for separator, decimal in CANDIDATES:
+        cells = split_line(line, separator)
+        kinds = {find_cell_kind(cell, decimal) for cell in cells}
+        if len(cells) > 1 and "number" in kinds and not kinds & {"text", ""}:
+            return True
+    return False
 
 
 def _comment_of(line: str) -> str:

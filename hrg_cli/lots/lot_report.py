@@ -115,7 +115,7 @@ def make_lot_report(
     >>> from hrg_cli.lots.lot_report import make_lot_report
     >>> from hrg_cli.lots.lot_settings import LotSettings
     >>> row = {"gyro_id": "SN-1", "rank": 1, "passed": False, "reason": "it is clipped"}
-    >>> row |= {"status": "failed", "health": "", "outliers": ""}
+    >>> row |= {"status": "failed", "health": "", "outliers": "", "runs_undiagnosed": 0}
     >>> report = make_lot_report(LotSettings(), [row], [])
     >>> report["status"], report["status_reasons"], report["passed"]
     ('refused', ['SN-1: it is clipped'], 0)
@@ -157,6 +157,7 @@ def make_lot_report(
         "unreadable": [
             {key: r[key] for key in ("name", "gyro_id", "told_by", "error")} for r in unreadable
         ],
+        "runs_undiagnosed": sum(row["runs_undiagnosed"] for row in rows),
         "outliers": [row["gyro_id"] for row in rows if row["outliers"]],
         "outlier_rate": None if lot.outlier_z is not None else lot.outlier_rate,
         "worst": [row["gyro_id"] for row in sorted(rows, key=lambda row: row["rank"])[:3]],

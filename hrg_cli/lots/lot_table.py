@@ -83,12 +83,7 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
     failed = [r for r in recordings if r["status"] == "failed"]
     missed = [check for check in gyro.get("checks", []) if not check["passed"]]
     broken = [check["sentence"] for check in missed if check["name"] != "status"]
-    doubtful = [check["stage"] for check in missed if check["name"] == "status"]
-    refused = [
-        f"{stage} is {r['status']}: {'; '.join(r['status_reasons'])}"
-        for stage, r in results.items()
-        if r["status"] == "refused" or stage in doubtful
-    ]
+    refused = _list_refused(results, missed)
     lost = [r["error"] if r["name"] in r["error"] else f"{r['name']}: {r['error']}" for r in failed]
     failed_stage = [gyro["error"]] if gyro.get("error") else []
     if not results and not failed_stage and not lost:
@@ -105,6 +100,7 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
         "why": "; ".join(why),
         "runs": len(recordings),
         "runs_failed": len(failed),
+        "runs_undiagnosed": len(gyro.get("undiagnosed", ())),
         "chi2_per_dof": _number(results.get("identify", {}).get("chi2_per_dof")),
         "verdict": results.get("diagnose", {}).get("verdict", ""),
         "health": answer.get("health", ""),
@@ -124,6 +120,18 @@ def _row(gyro: Mapping[str, Any], recordings: Sequence[Mapping[str, Any]]) -> di
         "distances": {},
         "far": [],
     }
+
+
+def _list_refused(
+    results: Mapping[str, Mapping[str, Any]], missed: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    """Stages whose result is refused, or in doubt where the limits allow none, and why."""
+    doubtful = [check["stage"] for check in missed if check["name"] == "status"]
+    return [
+        f"{stage} is {r['status']}: {'; '.join(r['status_reasons'])}"
+        for stage, r in results.items()
+        if r["status"] == "refused" or stage in doubtful
+    ]
 
 
 def _figures(results: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
@@ -212,9 +220,9 @@ def _distances(rows: list[dict[str, Any]], name: str, fixed: float | None, rate:
 
 
 FIRST = (
-    "gyro_id", "rank", "status", "passed", "reason", "why", "runs", "runs_failed", "chi2_per_dof",
-    "verdict", "health", "cause", "cause_size", "cause_share", "causes", "error_before",
-    "error_after", "error_of", "sentence",
+    "gyro_id", "rank", "status", "passed", "reason", "why", "runs", "runs_failed",
+    "runs_undiagnosed", "chi2_per_dof", "verdict", "health", "cause", "cause_size", "cause_share",
+    "causes", "error_before", "error_after", "error_of", "sentence",
 )  # fmt: skip
 """Columns before the parameters; station, fixture, … and day follow where the lot knows them."""
 

@@ -88,8 +88,8 @@ def work(task: Task) -> dict[str, Any]:
     -------
     dict
         Of a recording `wave`, `mode`, `status`, `reasons`, `error`; of a gyro `results` (`TABLED`
-        of each stage's JSON), `checks`, `answer`, `status`, `error`. Every failure but that of a
-        full disk is an `error`.
+        of each stage's JSON), `checks`, `answer`, `undiagnosed`, `status`, `error`. Every failure
+        but that of a full disk is an `error`.
 
     Examples
     --------
@@ -152,11 +152,12 @@ def _work_recording(task: RecordingTask) -> dict[str, Any]:
 
 def _work_gyro(task: GyroTask) -> dict[str, Any]:
     """Identify, calibrate, diagnose and hold against the limits: {gyro_id, status, results: {stage:
-    `TABLED` of its JSON}, checks, answer, error}."""
+    `TABLED` of its JSON}, checks, answer, undiagnosed, error}."""
     results: dict[str, Any] = {}
     errors: list[str] = []
     checks: list[dict[str, Any]] = []
     made: list[str] = []
+    steps: list[chain.Step] = []
     with store.order_time(task.epoch), _reporting({}) as failed:
         work = chain.Work(
             Path(task.folder),
@@ -168,6 +169,7 @@ def _work_gyro(task: GyroTask) -> dict[str, Any]:
         for step in chain.waves_to_results(
             work, [Path(p) for p in task.free], [Path(p) for p in task.forced], task.stages
         ):
+            steps.append(step)
             if step.status == "failed":
                 errors.append(f"{step.name}: {step.reasons[0]}")
                 continue
@@ -184,6 +186,7 @@ def _work_gyro(task: GyroTask) -> dict[str, Any]:
         "results": results,
         "checks": checks,
         "answer": answer,
+        "undiagnosed": chain.list_undiagnosed(steps),
         "error": "; ".join(errors),
         "status": _worst(results, errors),
     }

@@ -56,4 +56,10 @@ def make_sentence(report: Mapping[str, Any]) -> str:
         text += f" In common: {told}{f' and {len(common) - 3} more' if len(common) > 3 else ''}."
     elif (report.get("lot_tests") or {}).get("gyros_diagnosed", 0) and report["lot_tests"]["pairs"]:
         text += " No cause is common to the gyros or to a group of them."
+    if left := report.get("runs_undiagnosed", 0):
+        text += (
+            f" The diagnoses are of the free runs alone: {left} forced"
+            f" {'run is' if left == 1 else 'runs are'} in none; hrg diagnose GYRO/*.wave.h5 takes"
+            " all."
+        )
     return text

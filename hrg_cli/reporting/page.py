@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from .. import store
@@ -88,8 +89,10 @@ def build_report(
     return _render(entries, answers, truth, full)
 
 
-def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -> list[Path]:
-    """Write every figure of files as PNG.
+def write_figures(
+    paths: Sequence[Path], folder: Path, force: bool = False, *, truth: bool = False
+) -> list[Path]:
+    """Write every figure of files as PNG, all of them or none.
 
     Parameters
     ----------
@@ -97,6 +100,8 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
         Files that hrg wrote.
     folder
         Where to; it is made when missing.
+    force
+        Figures of these names that are there already may be replaced.
     truth
         As `build_report`.
 
@@ -108,7 +113,7 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
     Raises
     ------
     HrgError
-        As `build_report`; the folder cannot be made.
+        As `build_report`; the folder cannot be made; a figure of that name is there.
 
     Examples
     --------
@@ -137,18 +142,20 @@ def write_figures(paths: Sequence[Path], folder: Path, *, truth: bool = False) -
             " --output"
         ) from error
     written: list[Path] = []
-    used: set[str] = set()
-    for path in drop_repeats(paths):
-        for plot in itertools.chain(draw_answer(path), draw_file(path, beside)):
-            name = re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{plot.key}").lstrip(".")[:120]
-            while name in used:
-                name += "_"
-            used.add(name)
-            target = folder / f"{name}.png"
-            with store.write_whole(target, force=True) as temporary:
-                write_png(plot, temporary)
-            written.append(target)
+    with ExitStack() as outputs:
+        for path in drop_repeats(paths):
+            for plot in itertools.chain(draw_answer(path), draw_file(path, beside)):
+                target = folder / f"{_name_picture(path, plot.key)}.png"
+                while target in written:
+                    target = target.with_stem(target.stem + "_")
+                write_png(plot, outputs.enter_context(store.write_whole(target, force)))
+                written.append(target)
     return written
+
+
+def _name_picture(path: Path, key: str) -> str:
+    """Name of a file's figure, in characters that every file system takes."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", f"{path.stem}-{key}").lstrip(".")[:120]
 
 
 def find_worst_status(paths: Sequence[Path]) -> tuple[str, list[str]]:

@@ -352,6 +352,10 @@ BROKEN = {
         "time,c,s\n" + rows([T, C, S]).replace("\n", "\n1,2\n", 1),
         "line 3 has 2 cells",
     ),
+    "broken to its end": (
+        "time,c,s\n" + rows([T, C, S]) + "disk full; #\n" * 500,
+        "below line 401 its lines hold no rows of numbers",
+    ),
     "last line broken": ("time,c,s\n" + rows([T, C, S]) + "0.3,0.1", "line 402 has 2 cells"),
     "text in numbers": (
         "time,c,s\n" + rows([T, C, S]) + "0.3,overload,1\n",

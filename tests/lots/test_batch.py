@@ -29,6 +29,7 @@ from hrg_cli.lots.lot_settings import LotSettings
 from hrg_cli.lots.lot_table import judge_rows
 from hrg_cli.lots.lot_tasks import make_safe_name
 from hrg_cli.records import Resonator
+from hrg_cli.reporting.lot_words import make_sentence
 
 GYROS = 3
 CREATED = "2026-01-01T00:00:00Z"
@@ -621,3 +622,19 @@ def test_samples_that_two_gyros_share_pass_neither(tmp_path):
     assert report["status"] == "refused"
     assert rows["B"]["passed"] and not rows["A"]["passed"] and not rows["copy"]["passed"]
     assert "copy-0: holds the samples of A's A-0;" in rows["copy"]["why"]
+
+
+def test_a_lot_says_which_forced_runs_no_diagnosis_took(tmp_path):
+    """Two free runs of a gyro are diagnosed, a run that calibrate works on is not."""
+    for run, mode in enumerate(("free", "free", "forced")):
+        record = run_down("G1", f"{run}", 0.1 + 0.4 * run, split_of(1), run)
+        store.write(tmp_path / f"{mode}-{run}.h5", record.replace(mode=mode))
+    (tmp_path / "lot.toml").write_text(
+        'recordings = "*.h5"\nstages = ["identify", "calibrate", "diagnose"]\n'
+        "[demodulate]\nperiods_per_window = 2.0\n"
+    )
+    report = run_lot(tmp_path / "lot.toml", tmp_path / "out")
+    (row,) = report["rows"]
+    assert row["verdict"] and row["runs"] == 3
+    assert row["runs_undiagnosed"] == report["runs_undiagnosed"] == 1
+    assert "1 forced run is in none; hrg diagnose" in make_sentence(report)

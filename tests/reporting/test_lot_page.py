@@ -227,7 +227,14 @@ def test_a_recording_of_no_known_gyro_is_no_gyro(report, page):
 @pytest.mark.parametrize("faulty", [1, 2])
 def test_one_gyro_has_and_two_have(faulty):
     """One "have a fault", and one in doubt had one."""
-    sound = {"passed": True, "rank": 1, "outliers": "", "status": "valid", "health": "sound"}
+    sound = {
+        "passed": True,
+        "rank": 1,
+        "outliers": "",
+        "runs_undiagnosed": 0,
+        "status": "valid",
+        "health": "sound",
+    }
     rows = [sound | {"gyro_id": f"G{k}", "cause": "", "runs_failed": 0} for k in range(3)]
     for row in rows[:faulty]:
         row["health"] = "in doubt"
@@ -249,6 +256,7 @@ def test_no_gyro_is_missed_in_words():
             "reason": "x",
             "rank": k,
             "outliers": "",
+            "runs_undiagnosed": 0,
             "status": "failed",
         }
         for k in range(MOST_TOLD + 5)

@@ -264,6 +264,20 @@ def test_png_figures(files, tmp_path):
     )
 
 
+def test_a_picture_that_is_there_is_replaced_only_when_asked(files, tmp_path):
+    """The last of the figures is somebody's: none is written beside it."""
+    others = page.write_figures(files[3:5], tmp_path)
+    somebodys = others.pop()
+    somebodys.write_text("somebody's")
+    for path in others:
+        path.unlink()
+    with pytest.raises(HrgError, match="exists already; give --force"):
+        page.write_figures(files[3:5], tmp_path)
+    assert list(tmp_path.iterdir()) == [somebodys] and somebodys.read_text() == "somebody's"
+    assert somebodys in page.write_figures(files[3:5], tmp_path, force=True)
+    assert somebodys.read_bytes()[:4] == b"\x89PNG"
+
+
 def test_the_answer_comes_first(files):
     """Sentence, the two words, one figure, causes, parameters and methods before anything else;
     figures of files only when asked."""

@@ -81,6 +81,8 @@ class Lot(Common):
     """Recordings that could not be used."""
     unreadable: list[Unreadable] = Field(default=[])
     """Recordings that could not be read."""
+    runs_undiagnosed: int = Field(default=0)
+    """Driven runs beside free ones, which no diagnosis took."""
     outliers: list[str]
     """Gyros that stand out of the lot."""
     outlier_rate: Number = None
