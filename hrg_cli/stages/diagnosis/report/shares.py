@@ -269,7 +269,8 @@ def compute_base_covariance(fit: ExtendedFit, std: Array) -> Array:
     out[1:, 1:] = slopes @ fit.coordinate_covariance() @ slopes.T
     own = np.sqrt(np.maximum(np.diag(out), 0.0))
     scale = np.divide(std, own, out=np.zeros(7), where=own > 0)
-    return out * np.outer(scale, scale)
+    # what these runs do not show is assumed, and goes with nothing
+    return out * np.outer(scale, scale) + np.diag(np.where(own > 0, 0.0, np.square(std)))
 
 
 def report_shares(
