@@ -16,9 +16,9 @@ from hrg_cli import Recording, store
 
 PACKAGE = Path(hrg_cli.__file__).parent
 BASE = {"units", "errors", "version", "extras", "threads", "allocation"}
-FITS = {*BASE, "fourier", "records", "physics", "effects"}
+FITS = {*BASE, "fourier", "least_count", "records", "physics", "effects"}
 STAGES = {*FITS, "fitting", "settings"}
-FILES = {*BASE, "records", "settings", "store"}
+FILES = {*BASE, "least_count", "records", "settings", "store"}
 PAGES = {*STAGES, "stages", "store", "pipeline", "limit_values", "limits", "holding"}
 CHAIN = {*PAGES, "formats", "origins", "sources", "executors", "extended", "memory", "rehearsal"}
 RESULTS = {
@@ -34,6 +34,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "allocation": set(),
     "streams": {"errors"},
     "fourier": set(),
+    "least_count": set(),
     "settings": {"errors"},
     "notebook": {"errors", "extras"},
     "executors": {"errors", "extras", "threads"},

@@ -215,9 +215,9 @@ def import_envelope(
     taken = Taken(log, columns, by_role, timing.sample_rate_hz, from_s, to_s)
     source = EnvelopeRows(path, log, roles, timing, slow, signal)
     rows = source.read_between(from_s, to_s)
-    plan = plan_windows(path, rows, rows_per_window, signal.phase_known)
+    plan = plan_windows(path, rows, rows_per_window, signal.phase_known, source.find_rounding())
     heading = RunHeading(mode, mode_number, gyro_id, run_id, lot_id, start_time)
-    blank = _no_windows(reference_hz + plan.moved_hz, plan.rows * plan.step_s)
+    blank = _no_windows(reference_hz, plan)
     blank = _judge(blank.replace(**heading.make_fields(log, path), units=unit), source, plan)
     return open_single(stream_windows(source, blank, plan, taken))
 
@@ -275,8 +275,10 @@ def _judge(blank: Periods, source: EnvelopeRows, plan: WindowPlan) -> Periods:
     return judged
 
 
-def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:
+def _no_windows(reference_hz: float, plan: WindowPlan) -> Periods:
     """Periods before the first window: what a stream's blocks are made of."""
+    reference_frequency_hz = reference_hz + plan.moved_hz
+    window_s = plan.rows * plan.step_s
     return Periods(
         time_s=np.empty(0),
         signals=np.empty((0, 4)),
@@ -286,5 +288,7 @@ def _no_windows(reference_frequency_hz: float, window_s: float) -> Periods:
         reference_frequency_hz=reference_frequency_hz,
         window_s=window_s,
         periods_per_window=window_s * reference_frequency_hz,
+        least_count=plan.least_count or None,
+        quantisation_share=plan.rounded if plan.least_count else None,
         mode="free",
     )

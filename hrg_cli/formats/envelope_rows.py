@@ -13,8 +13,12 @@ from .envelope_signal import EnvelopeSignal
 from .log import Log
 from .log_columns import Roles
 from .readers import guard_reading
+from .row_rounding import RowRounding
 from .slow import SlowLog
 from .timing import Timing
+
+MOST_SEEN = 1 << 14
+"""First rows from which the lattices are found that the columns' values lie on."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,21 @@ class EnvelopeRows:
                 slow = self.slow.convert(columns_beside, row + np.arange(n))
                 row += n
                 yield times, self.signal.compute_envelopes(columns[:count]), slow
+
+    def find_rounding(self) -> RowRounding:
+        """The lattices on which the first rows' values lie."""
+        seen: list[list[Array]] = []
+        with guard_reading(self.path, self.log.format):
+            for columns in self.log.read([*self.signal.columns.values()]):
+                seen.append([np.asarray(column, float) for column in columns])
+                if sum(len(block[0]) for block in seen) >= MOST_SEEN:
+                    break
+        values = (
+            np.concatenate(column) * scale
+            for column, scale in zip(zip(*seen, strict=True), self.signal.scale, strict=True)
+        )
+        named = dict(zip(self.signal.columns, values, strict=True))
+        return RowRounding.of_columns(named, self.signal.decibel, self.signal.phase_factor)
 
     def read_between(
         self, from_s: float | None, to_s: float | None

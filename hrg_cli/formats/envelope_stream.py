@@ -205,7 +205,8 @@ def _signals(means: Array, plan: WindowPlan, one: bool) -> tuple[Array, Array]:
     )
     signals, std = np.empty((len(cos2), 4)), np.empty((len(cos2), 4))
     for k in range(2):
-        along, across = plan.noise.density[0 if one else k] / plan.rows
+        of = 0 if one else k
+        along, across = plan.find_density(of, np.abs(means[of])).T / plan.rows
         signals[:, 2 * k], signals[:, 2 * k + 1] = means[k].real, -means[k].imag
         std[:, 2 * k] = np.sqrt(along * cos2 + across * (1 - cos2))
         std[:, 2 * k + 1] = np.sqrt(along * (1 - cos2) + across * cos2)

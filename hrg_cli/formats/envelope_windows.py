@@ -21,6 +21,7 @@ from .row_noise import (
     estimate_mean_turn,
     estimate_row_noise,
 )
+from .row_rounding import RowRounding, hold_rounding
 
 LOOKS, LOOK_ROWS = 16, 1 << 14
 """Stretches of rows, at most, from which noise and correlation are found."""
@@ -54,8 +55,9 @@ suspect."""
 @dataclass(frozen=True)
 class WindowPlan:
     """Rows a window, the rows' step, their noise, how far the oscillation lies from the reference,
-    what the filter passes there, the rows before it has settled, and whether they are lengths of
-    phasors."""
+    what the filter passes there, the rows before it has settled, whether they are lengths of
+    phasors, the largest step to which they are rounded and the part of their noise that it makes,
+    and all of the steps."""
 
     rows: int
     step_s: float
@@ -64,6 +66,9 @@ class WindowPlan:
     passed: float
     settling: int = 0
     lengths: bool = False
+    least_count: float = 0.0
+    rounded: float = 0.0
+    rounding: RowRounding | None = None
 
     @property
     def moved_hz(self) -> float:
@@ -75,6 +80,11 @@ class WindowPlan:
         # a thousandth of a window's rate: what is told has no more digits than are of use
         digits = max(0, 3 + math.ceil(math.log10(window_s)))
         return round(self.offset_hz, digits)
+
+    def find_density(self, channel: int, size: Array) -> Array:
+        """Density (n, 2) of the noise along phasors of these lengths (n,) and across them."""
+        density = np.broadcast_to(self.noise.density[channel], (len(size), 2))
+        return density if self.rounding is None else self.rounding.hold(density, size, channel)
 
     def judge(self, logged: bool) -> list[tuple[Status, str]]:
         """What the filter before the rows does, and what was done about it."""
@@ -152,6 +162,7 @@ def plan_windows(
     blocks: Iterable[tuple[Array, Array]],
     asked: int | None,
     phase_known: bool = True,
+    rounding: RowRounding | None = None,
 ) -> WindowPlan:
     """How many rows make a window, with the noise and the correlation of the rows that decide it.
 
@@ -168,6 +179,8 @@ def plan_windows(
         Rows per window; None: found from the correlation.
     phase_known
         False: the rows are amplitudes alone.
+    rounding
+        Lattices of the rows' values; None: they are not known.
 
     Returns
     -------
@@ -211,12 +224,14 @@ def plan_windows(
     step_s = float(np.median(steps))
     with np.errstate(invalid="ignore"):
         noise = estimate_row_noise(looks)
-        settling = count_settling_rows(
-            looks[0],
-            noise.correlated_rows,
-            estimate_mean_turn(looks[0]),
-            float(noise.variance.sum()),
-        )
+        settling = 0
+        if rounding is None or not rounding.makes_most(noise, looks[0]):
+            settling = count_settling_rows(
+                looks[0],
+                noise.correlated_rows,
+                estimate_mean_turn(looks[0]),
+                float(noise.variance.sum()),
+            )
         if settling:
             looks[0] = looks[0][:, settling:]
             noise = estimate_row_noise(looks)
@@ -224,12 +239,14 @@ def plan_windows(
         lengths = not phase_known and min(np.nanmin(look.real) for look in looks) >= 0
         if lengths:
             noise = find_magnitude_noise(looks, noise)
+        held = hold_rounding(noise, looks, rounding)
         offset_hz = float(np.median([estimate_mean_turn(look) for look in looks])) / (
             2 * np.pi * step_s
         )
-    rows = _choose_rows(looks, noise, total) if asked is None else min(asked, total)
+    rows = _choose_rows(looks, held.noise, total) if asked is None else min(asked, total)
     gain = estimate_filter_gain(looks)
-    return WindowPlan(rows, step_s, noise, offset_hz, gain, settling, lengths)
+    step = held.least_count, held.share, rounding
+    return WindowPlan(rows, step_s, held.noise, offset_hz, gain, settling, lengths, *step)
 
 
 def _choose_rows(looks: list[Array], noise: RowNoise, total: int) -> int:

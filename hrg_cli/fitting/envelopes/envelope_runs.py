@@ -21,6 +21,9 @@ Array = np.ndarray
 MIN_ROWS = 8
 PHASE_UNKNOWN_RAD = 1.0
 """Standard deviation of a phase that was not recorded, or is lost in noise."""
+SPREAD_SHARE = 0.25
+"""Part of the noise that rounding makes, q²/12 of q²/12 + σ², above which σ < q/2 does not spread
+the codes."""
 SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise
 to 20 % only."""
@@ -37,7 +40,8 @@ class EnvelopeRun:
     `whitening` of the channels' noise (2, 2), None where both have the same, and their `shares` of
     it, C's and S's variance over the mean of both (`channel_noise`); `lead_rad` (n,): by how much
     the phase of a row, which is the mean of its windows' phases, runs ahead of that in its middle,
-    None where rows are windows; `rate_logged` False: no log tells how the table turned."""
+    None where rows are windows; `rate_logged` False: no log tells how the table turned; `rounding`:
+    the step of values whose noise does not spread it, 0 where it does or where there is none."""
 
     run_id: str
     time_s: Array
@@ -53,6 +57,7 @@ class EnvelopeRun:
     shares: tuple[float, float] = (1.0, 1.0)
     lead_rad: Array | None = None
     rate_logged: bool = True
+    rounding: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -345,6 +350,11 @@ def select_good_rows(wave: Wave, turn_rad: Array, inside: slice = slice(None)) -
         whitening=channel_noise.compute_whitening(channel_std, wave.noise_correlation, u),
         shares=channel_noise.find_shares(channel_std),
         rate_logged=wave.rate_rad_s is not None,
+        rounding=(
+            float(wave.least_count or 0.0)
+            if (wave.quantisation_share or 0.0) > SPREAD_SHARE
+            else 0.0
+        ),
     )
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...least_count import find_least_count
 from ...records import Wave
-from ..samples.least_count import find_least_count
 from ..samples.stretches import Stretches
 from .envelope_runs import compute_envelopes
 
@@ -123,17 +123,20 @@ class _Seen:
     silent: list[bool] = field(default_factory=lambda: [True] * len(CHANNELS))
     rounding: float = 0.0
     sample: dict[str, Array] = field(default_factory=dict)
+    envelope: Array = field(default_factory=lambda: np.zeros((0, 2), complex))
 
     @classmethod
     def from_wave(cls, wave: Wave) -> _Seen:
         seen, every = cls(wave), max(1, -(-len(wave) // SAMPLE))
         sampled: dict[str, list[Array]] = {name: [] for name in SAMPLED}
+        envelopes: list[Array] = [seen.envelope]
         last: dict[str, Array] = {}
         for part, rows in _good_parts(wave):
             for name, values in sampled.items():
                 values.append(np.asarray(getattr(part, name), float)[rows[::every]])
             here = {name: np.asarray(getattr(part, name), float)[rows] for name in COLUMNS}
             here["envelope"] = compute_envelopes(part, rows)
+            envelopes.append(here["envelope"][::every])
             seen._add(
                 {name: np.concatenate([last.get(name, v[:0]), v]) for name, v in here.items()}
             )
@@ -142,6 +145,7 @@ class _Seen:
         seen.sample = {
             name: np.concatenate(values or [np.zeros(0)]) for name, values in sampled.items()
         }
+        seen.envelope = np.concatenate(envelopes)
         return seen
 
     def _add(self, columns: dict[str, Array]) -> None:
@@ -207,12 +211,13 @@ def _good_parts(wave: Wave) -> Iterator[tuple[Wave, Array]]:
 
 def _channels(seen: _Seen) -> Iterator[Frozen]:
     """Channels whose envelope stands still, or is nought, to the rounding of what it is put
-    together from."""
+    together from, or to the lattice on which I and Q were written."""
     if seen.rows < FEWEST:
         return
     std = seen.std("signal_std")
-    for name in CHANNELS:
-        stretch = _improbable(seen.stretches[name], seen.rounding / std if std > 0 else np.inf)
+    for k, name in enumerate(CHANNELS):
+        step = max(seen.rounding, _find_lattice(seen.envelope[:, k], seen.rounding))
+        stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
         if stretch is not None:
             yield seen.describe(name, name, std, stretch)
 
@@ -226,6 +231,14 @@ def _columns(seen: _Seen) -> Iterator[Frozen]:
         stretch = _improbable(seen.stretches[name], step / std if std > 0 else np.inf)
         if stretch is not None and seen.is_noisy(stretch):
             yield seen.describe(words, name, std, stretch)
+
+
+def _find_lattice(envelope: Array, rounding: float) -> float:
+    """The step to which I and Q of a channel (n,) were written, 0 where their values are a
+    continuum; what is calculated from amplitudes and angles is one value up to its rounding."""
+    values = np.sort(np.concatenate([envelope.real, envelope.imag]))
+    apart = np.concatenate([[True], np.diff(values) > 2 * rounding])[: len(values)]
+    return find_least_count([values[apart]])
 
 
 def _step(values: Array) -> float:

@@ -279,15 +279,18 @@ class _Exponentials:
         return step.predicted < CONVERGED * max(1.0, taken.after / self.dof)
 
 
-def are_resolved(two: Modes, one: Modes) -> bool:
+def are_resolved(two: Modes, one: Modes, rounding: float = 0.0) -> bool:
     """Whether the second mode is there.
 
-    It is where χ² falls by far more than chance and the modes are apart by more than their errors.
+    It is where χ² falls by far more than chance and the modes are apart by more than their errors;
+    what is smaller than the steps of values that noise does not spread is a line of their rounding.
 
     Parameters
     ----------
     two, one
         Fits of the same envelopes with two exponentials and with one.
+    rounding
+        Step of values that noise does not spread, in the envelopes' unit; 0: there is none.
 
     Returns
     -------
@@ -307,6 +310,8 @@ def are_resolved(two: Modes, one: Modes) -> bool:
     >>> are_resolved(identify(run, both, 2), identify(run, both, 1))
     True
     """
+    if not float(np.abs(two.amplitude).max(axis=1).min()) > rounding:
+        return False
     gain = one.chi2_per_dof * one.dof - two.chi2_per_dof * two.dof
     apart = abs(two.exponent[0].imag - two.exponent[1].imag) > 4 * float(np.hypot(*two.std))
     return bool(gain > 50 * max(1.0, two.chi2_per_dof) and apart)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
+from ...least_count import count_values, find_least_count
 from ...records import Recording
 from ...records.recording import ONE_CHANNEL
 from ..medians import find_median
-from .least_count import count_values, find_least_count
 from .stillness import FEWEST, find_still, mark_stretches
 
 Array = np.ndarray

@@ -105,7 +105,7 @@ def _fit_modes(thin: EnvelopeRun, u: Array, stretch: tuple[int, int], run: Envel
     two, single = two_modes.identify(part, signal, 2), two_modes.identify(part, signal, 1)
     adequate = checks.check_goodness(one.chi2, one.dof).passed
     if (
-        two_modes.are_resolved(two, single)
+        two_modes.are_resolved(two, single, run.rounding)
         and not adequate
         and two.chi2_per_dof < one.chi2 / one.dof
     ):

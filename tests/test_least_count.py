@@ -4,7 +4,7 @@ is none."""
 import numpy as np
 import pytest
 
-from hrg_cli.fitting.samples.least_count import find_least_count
+from hrg_cli.least_count import find_least_count
 from hrg_cli.records import Recording, collect
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..medians import find_median
-
 Array = np.ndarray
 
 FEWEST_VALUES = 8
@@ -46,7 +44,7 @@ def count_values(values: Array) -> tuple[Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from hrg_cli.fitting.samples.least_count import count_values
+    >>> from hrg_cli.least_count import count_values
     >>> [part.tolist() for part in count_values(np.array([3, 1, 3, 7]))]
     [[1, 3, 7], [1, 2, 1]]
     """
@@ -78,7 +76,7 @@ def find_least_count(parts: Iterable[Array]) -> float:
     A converter of 12 bits over ±10 V, and a continuum:
 
     >>> import numpy as np
-    >>> from hrg_cli.fitting.samples.least_count import find_least_count
+    >>> from hrg_cli.least_count import find_least_count
     >>> swing = 3 * np.cos(0.1 * np.arange(2000))
     >>> step = 20 / 4096
     >>> rounded = step * np.round(swing / step)
@@ -100,7 +98,7 @@ def find_least_count(parts: Iterable[Array]) -> float:
     if len(steps) < FEWEST_VALUES - 1:
         return 0.0
     step = float(steps.min())
-    if step <= floor or find_median(steps) > WIDEST * step:
+    if step <= floor or np.partition(steps, len(steps) // 2)[len(steps) // 2] > WIDEST * step:
         return 0.0
     for near in (
         4.5,
