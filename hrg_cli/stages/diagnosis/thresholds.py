@@ -17,6 +17,9 @@ e⁵ = 148 at equal prior odds."""
 CLEARLY = 16.0
 """ΔBIC by which an open description must beat catalogued causes: odds of e⁸ = 3000, since the
 catalogue is the smaller claim."""
+OUTDONE = 6.0
+"""ΔBIC by which an open description does better than causes that explain all, before these are in
+doubt: it is so much ahead of a true cause by chance in 0.7 % at worst (z√(1 − r²) = √6)."""
 FURTHER = 7.0
 """ΔBIC that every cause after the first owes more against one open term in the place of all: a
 given one of some thirty is there with odds of 1 : 30, and one simple form is a smaller claim than

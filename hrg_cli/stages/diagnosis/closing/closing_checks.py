@@ -130,8 +130,8 @@ def make_closing_checks(
         ),
         checks.check_holds(
             "catalogued_form",
-            case.form is None or case.form.catalogued,
-            "a cause has another form than the catalogue's",
+            not case.outdone and (case.form is None or case.form.catalogued),
+            case.outdone or "a cause has another form than the catalogue's",
         ),
         checks.check_holds(
             "lines_named",

@@ -12,7 +12,7 @@ from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ..fits.refits import adopt, compute_bic, loosen
 from ..fits.scoring import score_effects
-from ..thresholds import BOUND_COST, CLEARLY, FURTHER, SAME, SIGNIFICANT, WORTH
+from ..thresholds import BOUND_COST, CLEARLY, FURTHER, OUTDONE, SAME, SIGNIFICANT, WORTH
 from .remainder import OPEN_TERMS, Remainder, describe
 from .search_case import Case, compute_criterion
 from .selection import Found
@@ -53,7 +53,8 @@ def give_way_to_open_terms(case: Case) -> Case:
     What the runs' frequencies showed at the start is no matter of their rows, and stays. Every
     further beginning of the list of causes is held, with open terms beside it, against the whole
     list; where the list leaves nothing over, one open term alone is, which is all that could be a
-    smaller claim than a list that explains everything.
+    smaller claim than a list that explains everything. One that does better, but not by as much as
+    the catalogue's claim is smaller, takes nothing away, and is remembered.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def give_way_to_open_terms(case: Case) -> Case:
     Returns
     -------
     Case
-        The same where nothing is given up.
+        With the same causes where nothing is given up.
 
     Examples
     --------
@@ -75,6 +76,7 @@ def give_way_to_open_terms(case: Case) -> Case:
     clearly = CLEARLY * case.inquiry.noise.slow
     full = case.criterion
     best: Rival | None = None
+    near_by: list[Rival] = []
     start, begun = case.search.start.fit, len(case.search.start.found)
     for count, following in enumerate(case.search.found[begun:], begun):
         beyond = _take_cause(start, following)
@@ -83,6 +85,7 @@ def give_way_to_open_terms(case: Case) -> Case:
             continue
         rival = _rival(case, start, count, beyond)
         if _is_open(rival, case.search.found[count:], case.inquiry.noise.slow):
+            near_by.append(rival)
             mimic = rival.is_clearly_better(case)
             # nothing is given up for a description that leaves clearly more over
             near = rival.criterion < full + clearly
@@ -97,10 +100,26 @@ def give_way_to_open_terms(case: Case) -> Case:
             break
         start = rival.beyond
     if best is None:
-        return case
+        return replace(case, outdone=_say_outdone(case, near_by))
     found = case.search.found[: best.count]
     search = replace(case.search, final=best.fit, found=found, last=best.ranked)
     return replace(case, search=search, remainder=best.described)
+
+
+def _say_outdone(case: Case, rivals: Sequence[Rival]) -> str:
+    """The open description that does better than causes that leave nothing over; empty where none
+    does."""
+    better = case.criterion - OUTDONE * case.inquiry.noise.slow
+    ahead = [one for one in rivals if one.criterion < better]
+    if case.remainder is not None or not ahead:
+        return ""
+    rival = min(ahead, key=lambda one: one.criterion)
+    names = " and ".join(one.variant.effect.name for one in case.search.found[rival.count :])
+    term = rival.described.terms[0].score.name
+    return (
+        f"{term}, which the catalogue does not hold, leaves {case.criterion - rival.criterion:.3g}"
+        f" less of χ² than {names}"
+    )
 
 
 def _take_cause(start: ExtendedFit, following: Found) -> ExtendedFit | None:

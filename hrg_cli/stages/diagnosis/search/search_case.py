@@ -19,13 +19,15 @@ from .selection import Found, Search
 @dataclass(frozen=True)
 class Case:
     """The causes found, what they leave over (None: nothing), what is said of the runs'
-    frequencies, and a damping's better form, if any."""
+    frequencies, a damping's better form, if any, and an open description that does better than
+    the causes and not so much better that they give way to it, in words."""
 
     inquiry: Inquiry
     search: Search
     remainder: Remainder | None = None
     frequencies: Mapping[str, Any] = field(default_factory=dict)
     form: Form | None = None
+    outdone: str = ""
 
     @property
     def criterion(self) -> float:
@@ -36,7 +38,8 @@ class Case:
         """The case in which a cause is given up; `fit`: the fit without it, whose rest is sought
         again."""
         search = self.search.give_up(cause, fit, self.inquiry.candidates)
-        return replace(self, search=search, remainder=search_rest(fit, self.inquiry.noise))
+        rest = search_rest(fit, self.inquiry.noise)
+        return replace(self, search=search, remainder=rest, outdone="")
 
 
 def compute_criterion(fit: ExtendedFit, beside: Remainder | None) -> float:
