@@ -55,7 +55,7 @@ from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_largest_cubic, find_unheard
 from .diagnosis.samples.lines import describe_folded, describe_rounding, find_common_step
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
-from .diagnosis.samples.own_clipping import count_common_clipping
+from .diagnosis.samples.own_clipping import count_blocks, count_common_clipping
 from .diagnosis.samples.tone import Tone
 from .diagnosis.samples.tones import confirm_tones, remove_tones, take_out_tones
 from .diagnosis.samples.waveform import find_waveform_causes, list_near_tones, list_unnamed_tones
@@ -172,6 +172,7 @@ def diagnose(
         _need_both_channels(usable.waves)
     clocks = count_from_begin(name_apart(usable.waves))
     counted, clipped = count_common_clipping(clocks.waves)
+    blocks = count_blocks(blocks, clocks.waves, counted)
     asked = Asked(
         tuple(counted),
         resonator,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....records import FLAG_CLIPPED, FLAG_GAP, Wave
+from ..base.data import MOST
 from ..thresholds import UNCLIPPED
 from .odd_windows import find_channel_amplitudes
 
@@ -64,6 +65,44 @@ def count_common_clipping(waves: Sequence[Wave]) -> tuple[list[Wave], tuple[str,
             flags = np.where(np.asarray(wave.flags) == FLAG_CLIPPED, 0, wave.flags)
         taken.append(wave.replace(flags=flags.astype(wave.flags.dtype)))
     return taken, tuple(told)
+
+
+def count_blocks(blocks: int, waves: Sequence[Wave], taken: Sequence[Wave]) -> int:
+    """Fewest averaged rows a run: the windows' own, as far as a fit goes, where clipped ones count.
+
+    What a level takes of a channel goes with the depth below its top to the power 3/2: of the mean
+    of a row's windows it takes less than the mean of what it takes of each, nothing where that mean
+    lies below it.
+
+    Parameters
+    ----------
+    blocks
+        That were asked for.
+    waves
+        Of the runs, as they came.
+    taken
+        Of the same runs, with those windows made to count that a common level clips.
+
+    Returns
+    -------
+    int
+        The same where no clipped window counts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.own_clipping import count_blocks
+    >>> waves = draw_waves()
+    >>> clipped = [waves[0].replace(flags=np.eye(1, 50, dtype="u1")[0]), *waves[1:]]
+    >>> count_blocks(120, waves, waves), count_blocks(120, clipped, waves)
+    (120, 1500)
+    """
+    count = any(
+        np.any((np.asarray(before.flags) == FLAG_CLIPPED) & (np.asarray(after.flags) == 0))
+        for before, after in zip(waves, taken, strict=True)
+    )
+    return MOST if count else blocks
 
 
 def _find_largest_unclipped(wave: Wave) -> float:
