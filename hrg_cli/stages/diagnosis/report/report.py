@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from ....fitting.causes import evidence
-from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
-from ....fitting.causes.wave_frame import to_complex, to_reals
-from ....fitting.causes.whitened_rows import flatten_rows
+from ....fitting.causes.extended_fit import ExtendedFit
 from ....records import Resonator
 from ..closing.loop_delay import estimate_moves_of_delay
 from ..closing.sized import Sized
 from ..closing.summed import estimate_moves_of_summed
 from ..closing.unnamed import estimate_moves_of_unnamed
 from ..fits.variants import Variant
-from ..search.gain import Gain, list_gain_figures
+from ..search.gain import Gain, list_gain_figures, measure_left
 from ..search.remainder import Remainder, Term
 from ..search.search_case import Case
 from ..search.selection import Found, Search
@@ -99,9 +97,7 @@ def report(
 
 def _figures(fit: ExtendedFit) -> dict[str, float]:
     """χ² per degree of freedom and the residual's rms in the signals' unit."""
-    left = flatten_rows(fit.series, fit.prediction.compute_residual())
-    plain = to_reals(fit.series.to_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
-    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": float(np.sqrt(np.mean(plain**2)))}
+    return {"chi2_per_dof": fit.chi2 / fit.dof, "residual_rms": measure_left(fit)}
 
 
 def _effect(one: Found, sized: Sized, by_name: Mapping[str, Variant]) -> dict[str, Any]:

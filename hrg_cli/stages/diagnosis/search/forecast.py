@@ -34,6 +34,7 @@ from ..base.joint_fit import settle_log
 from ..drive.scatter import has_log
 from ..fits.refits import hold_effect, leave_out
 from ..thresholds import ASTRAY, UNTAUGHT, WORSE_TAUGHT, WORTH
+from .gain import leaves_more_of_wave
 from .search_case import Case
 from .selection import select
 from .stand_in import is_beyond_question
@@ -372,7 +373,8 @@ def _propagate_learned(own: ExtendedFit, fit: ExtendedFit) -> Array:
 
 
 def drop_misleading(case: Case) -> Case:
-    """The case without the causes after which what was held out is predicted worse.
+    """The case without the causes after which what was held out is predicted worse, or that leave
+    a gross misfit, and more of the wave than they found.
 
     Parameters
     ----------
@@ -396,10 +398,11 @@ def drop_misleading(case: Case) -> Case:
         name = one.variant.effect.name
         if is_beyond_question(case.search.final, name):
             continue
-        if not predicts_worse(case.search.final, name, case.search.base, folds):
-            continue
-        reduced = leave_out(case.search.final, name)
-        if reduced is not None:
+        reduced = leave_out(case.search.final, name, base=case.search.base)
+        if reduced is not None and (
+            leaves_more_of_wave(reduced, case.search.final)
+            or predicts_worse(case.search.final, name, case.search.base, folds)
+        ):
             case = case.give_up(one, reduced)
     return case
 

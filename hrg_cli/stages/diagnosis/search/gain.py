@@ -14,7 +14,8 @@ from ....fitting.causes import left_out_folds
 from ....fitting.causes.coordinate_priors import build_coordinate_rows
 from ....fitting.causes.extended_fit import ExtendedFit, place_on_rows
 from ....fitting.causes.left_out_folds import HeldOut
-from ....fitting.causes.wave_frame import to_complex
+from ....fitting.causes.wave_frame import to_complex, to_reals
+from ....fitting.causes.whitened_rows import flatten_rows
 from ....units import DEGREE_PER_HOUR
 from ..fits.scoring import is_gross
 from ..thresholds import LEAST_INFORMATION
@@ -251,6 +252,61 @@ def predicts_better(before: ExtendedFit, after: ExtendedFit) -> bool:
         for n in (FEWEST_RUNS, len(before.series.names) + 1)
     )
     return any(score(after, *way) < score(before, *way) for way in ways.items())
+
+
+def leaves_more_of_wave(before: ExtendedFit, after: ExtendedFit) -> bool:
+    """Whether more causes leave a gross misfit, and of the wave itself more than there was.
+
+    What the noise of the rows weighs is then no error of the noise: where it falls along a run with
+    the wave's size, a cause may take what little is left of the small wave, and add to what is left
+    of the large one.
+
+    Parameters
+    ----------
+    before
+        A fit.
+    after
+        One with more.
+
+    Returns
+    -------
+    bool
+        By the rms of all that the rows miss, in the signals' unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_wrong_waves, fit_waves
+    >>> from hrg_cli.stages.diagnosis.search.gain import leaves_more_of_wave
+    >>> fits = draw_fit(), fit_waves(draw_wrong_waves())
+    >>> leaves_more_of_wave(*fits), leaves_more_of_wave(*fits[::-1])
+    (True, False)
+    """
+    return is_gross(after) and measure_left(after) > measure_left(before)
+
+
+def measure_left(fit: ExtendedFit) -> float:
+    """What a fit leaves of the wave.
+
+    Parameters
+    ----------
+    fit
+        Of the runs.
+
+    Returns
+    -------
+    float
+        rms of the rows' real parts, in the signals' unit.
+
+    Examples
+    --------
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit
+    >>> from hrg_cli.stages.diagnosis.search.gain import measure_left
+    >>> round(measure_left(draw_fit()), 5)
+    0.00022
+    """
+    left = flatten_rows(fit.series, fit.prediction.compute_residual())
+    plain = to_reals(fit.series.to_units(to_complex(place_on_rows(fit, left))))[tuple(fit.rows.T)]
+    return float(np.sqrt(np.mean(plain**2)))
 
 
 def _square(fit: ExtendedFit, kind: str, folds: list[Array]) -> float:
