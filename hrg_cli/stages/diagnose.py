@@ -57,6 +57,7 @@ from .diagnosis.samples.lines import describe_folded, describe_rounding, find_co
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.own_clipping import count_blocks, count_common_clipping
 from .diagnosis.samples.tone import Tone
+from .diagnosis.samples.tone_search import widen_by_rest
 from .diagnosis.samples.tones import confirm_tones, remove_tones, take_out_tones
 from .diagnosis.samples.waveform import find_waveform_causes, list_near_tones, list_unnamed_tones
 from .diagnosis.search.explain import explain, reweight_fit
@@ -307,7 +308,9 @@ def _judge(
     """The case held against the samples, against its own simulation, and by the closing checks."""
     searched = case
     case, sized = give_up_unsized(searched)
-    samples = _seen_in_samples(asked.waves, case, cut, tones)
+    samples = _seen_in_samples(
+        asked.waves, case, cut, widen_by_rest(tones, case.search.final, pieces)
+    )
     model, written = _written(asked, case, cut, pieces, samples)
     again = choose_again(case, lambda: cut.fit(pieces, coarser=2))
     closing = make_closing_checks(

@@ -21,6 +21,8 @@ from hrg_cli.stages.diagnosis.fits.refits import adopt
 from hrg_cli.stages.diagnosis.fits.scoring import is_gross, score_effects
 from hrg_cli.stages.diagnosis.fits.variants import list_variants
 from hrg_cli.stages.diagnosis.samples.lines import find_common_step
+from hrg_cli.stages.diagnosis.samples.offered import measure_sigma
+from hrg_cli.stages.diagnosis.samples.tone_search import widen_by_rest
 from hrg_cli.stages.diagnosis.samples.tones import take_out_tones
 from hrg_cli.stages.diagnosis.samples.waveform import find_waveform_causes
 from hrg_cli.stages.diagnosis.search.inquiry import Inquiry
@@ -160,3 +162,19 @@ def test_a_tone_beside_a_gross_misfit_stands_alone():
         assert len(hz) == (kind != "")
         cell_hz = 1 / float(wave.time_s[-1])
         assert all(abs(one - 1.03 / PERIOD_S["florence"]) < 0.2 * cell_hz for one in hz)
+
+
+@pytest.mark.parametrize("name", PERIOD_S)
+def test_a_tone_is_known_to_what_the_pendulum_leaves_beside_it(name):
+    """To the noise of the windows alone Florence's is 7 σ off in frequency and 3 in size."""
+    wave = wave_of(name, "tone near")
+    fit, left, tones = take_out_tones(FITTED([wave]), [wave], FITTED, near)
+    wide = widen_by_rest(tones, near(fit), left)
+    shown, _ = find_waveform_causes([wave], [], wide, wave.reference_frequency_hz, [])
+    tone = next(one for one in shown if one["name"] == "mains_tone")
+    assert tone["z"] == pytest.approx(measure_sigma(tone)) and tone["z"] > 10
+    hz = tone["parameters"]["frequency_hz"]
+    assert abs(hz["value"] - 1.03 / PERIOD_S[name]) < 4 * hz["std"]
+    size = float(np.abs(samples(name)[1]).max())
+    for channel, true in (("c", 0.005 * size), ("s", 0.004 * size)):
+        assert abs(tone["magnitude"][channel] - true) < 4 * tone["magnitude_std"][channel]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ....effects import find
 from ....fitting import checks
 from ....fitting.causes.extended_fit import ExtendedFit, resolve_along_wave
 from ....fitting.checks import Check
@@ -22,7 +23,8 @@ from ..drive.scatter import Scatter
 from ..extended.written import Written
 from ..fits.places import find_another_start, find_place_beside_strike
 from ..fits.refits import is_nearly_settled
-from ..fits.scoring import is_possible
+from ..fits.scoring import is_possible, is_small
+from ..samples.offered import measure_sigma
 from ..search.gain import choose_left_out_folds, predict_folds
 from ..search.search_case import Case
 from ..search.selection import Search
@@ -79,7 +81,7 @@ def make_closing_checks(
     case: Case,
     sized: Sized,
     written: Written | None,
-    waveform: Sequence[dict[str, object]],
+    waveform: Sequence[Mapping[str, Any]],
     lines_hz: Sequence[float] = (),
     odd: str = "",
     again: ChosenAgain | None = None,
@@ -332,7 +334,7 @@ def check_beside_drive_log(name: str, sigma: float, walk: float) -> Iterator[Che
     )
 
 
-def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]]) -> Iterator[Check]:
+def _causes(search: Search, sized: Sized, waveform: Sequence[Mapping[str, Any]]) -> Iterator[Check]:
     """Every named cause on its own: off zero and of a thinkable size."""
     fit = search.final
     walk = estimate_unknown_walk(fit)
@@ -363,17 +365,26 @@ def _causes(search: Search, sized: Sized, waveform: Sequence[dict[str, object]])
             f"{name} or any of {len(one.rivals)} other causes explains the runs as well",
         )
     for entry in waveform:
-        parameters = entry["parameters"]
-        assert isinstance(parameters, dict)
-        known = all(
-            np.isfinite(p["value"]) and np.isfinite(p["std"]) and p["std"] > 0
-            for p in parameters.values()
-        )
-        yield checks.check_holds(
-            f"{entry['name']}_is_measured",
-            known,
-            f"{entry['name']} has a figure without a standard deviation",
-        )
+        yield from _check_in_samples(entry, fit)
+
+
+def _check_in_samples(entry: Mapping[str, Any], fit: ExtendedFit) -> Iterator[Check]:
+    """A cause that the samples show, asked as the others are."""
+    name, effect = entry["name"], find(entry["name"])
+    sigma = measure_sigma(entry)
+    yield checks.check_at_least(
+        f"{name}_stands_off_zero",
+        sigma,
+        OWN_SIGMA,
+        f"{name} is no more than {sigma:.2g} of its σ off zero",
+    )
+    told = {key: float(p["value"]) for key, p in entry["parameters"].items()}
+    yield checks.check_holds(
+        f"{name}_is_possible",
+        # time that is lost is small beside nothing that is seen
+        effect.whole_samples or is_small(effect, effect.values() | told, fit),
+        f"{name} came out larger than such a cause can be",
+    )
 
 
 def _frequencies(said: Mapping[str, Any]) -> Iterator[Check]:

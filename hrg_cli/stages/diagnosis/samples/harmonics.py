@@ -282,7 +282,7 @@ def _converter(
     waves: Sequence[Wave], codes: Sequence[Line], harmonics: dict[int, Line]
 ) -> dict[str, Any]:
     """The codes' own harmonics as one cause: a step h at mid-scale makes harmonics 4h/πn, so h from
-    each of them, its sign unknown."""
+    each of them, its sign unknown, as well as they agree; beside it the step of the codes."""
     gain = float(sum(2 * line.ratio for line in codes))
     low = [(n, line) for n, line in harmonics.items() if n % 2]
     sizes = [np.pi * n * float(line.amplitude.max()) / 4 for n, line in low] or [
@@ -290,12 +290,23 @@ def _converter(
     ]
     height = float(np.median(sizes))
     parameters = {"mid_scale": (height, height, "amplitude")}
+    known = {"mid_scale": (height, _estimate_median_std(sizes, height / np.sqrt(gain)))}
     if (step := read_least_count(waves)) is not None:
         parameters["step"] = (step, EXACTLY * step, "amplitude")
+        known["step"] = (step, EXACTLY * step)
     offer = make_entry(converter_nonlinearity.EFFECT, float(np.sqrt(gain)), parameters, gain)
     return offer | {
         "lines": len(codes),
-        "magnitude": {"mid_scale": height},
-        "magnitude_std": {"mid_scale": height / np.sqrt(2)},
+        "magnitude": {name: size for name, (size, _) in known.items()},
+        "magnitude_std": {name: std for name, (_, std) in known.items()},
         "sign": UNMEASURED,
     }
+
+
+def _estimate_median_std(sizes: Sequence[float], least: float) -> float:
+    """σ of the median of sizes, √(π/2) that of their mean, by their scatter; that of each alone at
+    least."""
+    if len(sizes) < 2:
+        return least
+    scatter = float(np.std(sizes, ddof=1)) / np.sqrt(len(sizes))
+    return float(np.hypot(np.sqrt(np.pi / 2) * scatter, least))

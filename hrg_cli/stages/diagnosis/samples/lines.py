@@ -52,8 +52,9 @@ class Line:
 
     @property
     def std(self) -> Array:
-        """σ of the amplitudes: a line of power ratio r is known to 1/√2r of itself."""
-        return self.amplitude / np.sqrt(2 * self.ratio)
+        """σ of the amplitudes: of power ratio r the larger is known to 1/√2r of itself, and the
+        other no better."""
+        return np.full(2, self.amplitude.max() / np.sqrt(2 * self.ratio))
 
     @property
     def follows_the_wave(self) -> bool:
@@ -352,14 +353,14 @@ def find_lines(waves: Sequence[Wave]) -> list[Line]:
     return out
 
 
-def find_harmonic(
+def list_harmonics(
     line: Line,
     frequency_hz: float,
     sampling: float | None,
     cell: float,
     wander_hz: float | None = None,
-) -> int:
-    """Which multiple of the oscillation a line is, folded at half the sampling rate.
+) -> list[int]:
+    """All multiples of the oscillation, up to `HARMONICS`, that the sampling has at a line's place.
 
     Parameters
     ----------
@@ -376,24 +377,24 @@ def find_harmonic(
 
     Returns
     -------
-    int
-        2 … `HARMONICS`; 0: none.
+    list of int
+        From the lowest on.
 
     Examples
     --------
-    The third harmonic of 700 Hz, sampled at 2000 Hz, stands at 100 Hz:
+    With eight samples a period the third stands where the fifth does:
 
     >>> import numpy as np
-    >>> from hrg_cli.stages.diagnosis.samples.lines import Line, find_harmonic
-    >>> line = Line(100.0, np.ones(2), 1e3, 3, np.ones((3, 2)))
-    >>> find_harmonic(line, 700.0, 2000.0, 1.0)
-    3
+    >>> from hrg_cli.stages.diagnosis.samples.lines import Line, list_harmonics
+    >>> line = Line(1500.0, np.ones(2), 1e3, 3, np.ones((3, 2)))
+    >>> list_harmonics(line, 500.0, 4000.0, 1.0)[:3]
+    [3, 5, 11]
     """
     orders = np.arange(2, HARMONICS + 1)
     wander_hz = 2 * WANDER * frequency_hz if wander_hz is None else wander_hz
     off = np.abs(line.frequency_hz - fold(orders * frequency_hz, sampling))
     near = np.flatnonzero(off < WIDTH_CELLS * cell + orders * wander_hz)
-    return int(orders[near[0]]) if len(near) else 0
+    return [int(order) for order in orders[near]]
 
 
 def describe_folded(waves: Sequence[Wave], found: Sequence[Effect]) -> str:

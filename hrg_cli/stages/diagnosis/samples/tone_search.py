@@ -193,6 +193,65 @@ def find_strongest_tone(fit: ExtendedFit, waves: Sequence[Wave]) -> Tone | None:
     return Tone(best + fit.series.reference_frequency_hz, vector, std, gain, _stands(data, best))
 
 
+def widen_by_rest(tones: Sequence[Tone], fit: ExtendedFit, waves: Sequence[Wave]) -> list[Tone]:
+    """Tones with σ that hold what a model leaves beside them.
+
+    What is left is noise to a tone as large as the mean power in the cells of the longest run on
+    either side, seen as the tone is, untapered: a misfit as slow as the runs leaks that far. Its
+    variances are larger by that power over the noise's, and χ² of the tone is less.
+
+    Parameters
+    ----------
+    tones
+        As they were found.
+    fit
+        Of the final model.
+    waves
+        Of its runs, with the tones taken out.
+
+    Returns
+    -------
+    list of Tone
+        In their order.
+
+    Examples
+    --------
+    Beside nothing but noise σ stays, to the power's own scatter:
+
+    >>> import numpy as np
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_fit, draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.tone import Tone
+    >>> from hrg_cli.stages.diagnosis.samples.tone_search import widen_by_rest
+    >>> tone = Tone(510.0, np.full((3, 2), 1e-3 + 0j), np.full((3, 2), 1e-5), 1e4)
+    >>> (wide,) = widen_by_rest([tone], draw_fit(), draw_waves())
+    >>> bool(1 <= wide.std[0, 0] / 1e-5 < 1.3)
+    True
+    """
+    if not tones:
+        return []
+    data = collect_residuals(fit, waves)
+    cells = np.arange(np.ceil(LOBE), BESIDE + 1) / _lengths(data)[1]
+    beside = np.concatenate([-cells[::-1], cells])
+    out = []
+    for tone in tones:
+        beat_hz = tone.frequency_hz - fit.series.reference_frequency_hz
+        power = np.mean(_sum_power(beat_hz + beside, data)) / (4 * len(data))
+        excess = max(float(power), 1.0)
+        out.append(replace(tone, std=tone.std * np.sqrt(excess), gain=tone.gain / excess))
+    return out
+
+
+def _sum_power(frequency_hz: Array, data: Sequence[Residual]) -> Array:
+    """Power over σ² at frequencies (k,) above the reference, of both channels and all runs: 4 a run
+    of noise."""
+    turn = [np.exp(-2j * np.pi * np.outer(frequency_hz, t)) for t, _, _ in data]
+    parts = [
+        np.abs(one @ (r / std[:, None])) ** 2 / len(t)
+        for one, (t, r, std) in zip(turn, data, strict=True)
+    ]
+    return np.asarray(np.sum(parts, axis=(0, 2)))
+
+
 def _lengths(data: Sequence[Residual]) -> tuple[float, float]:
     """The shortest and the longest run."""
     lengths = [float(t[-1] - t[0]) for t, _, _ in data]
@@ -251,11 +310,7 @@ def _refined(frequency_hz: float, data: Sequence[Residual]) -> float:
     width = 1 / _lengths(data)[1]
     for _ in range(3):
         trial = frequency_hz + width * np.linspace(-1, 1, FINE)
-        total = sum(
-            np.abs(np.exp(-2j * np.pi * np.outer(trial, t)) @ (r / std[:, None])) ** 2 / len(t)
-            for t, r, std in data
-        )
-        frequency_hz = float(trial[np.argmax(np.sum(total, axis=1))])
+        frequency_hz = float(trial[np.argmax(_sum_power(trial, data))])
         width /= 8
     return frequency_hz
 

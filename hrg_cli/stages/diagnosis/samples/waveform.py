@@ -24,15 +24,15 @@ from .lines import (
     Line,
     find_cell_hz,
     find_folding_hz,
-    find_harmonic,
     find_lines,
     find_median_amplitude,
     find_median_frequency,
     find_spurs,
+    list_harmonics,
 )
 from .lost_samples import PhaseStep, count_lost, find_phase_steps, join_steps, split_at
 from .offered import UNMEASURED, is_sound, make_entry
-from .own_multiples import find_own_multiple
+from .own_multiples import HIGHEST, find_own_multiple
 from .tone import Tone, split_channels
 from .tones import MOST_TONES
 
@@ -109,10 +109,12 @@ def find_waveform_causes(
     sampling, cell = find_folding_hz(waves), find_cell_hz(waves)
     open_lines = []
     for line in far:
-        multiple = find_harmonic(line, frequency_hz, sampling, cell)
+        together = list_harmonics(line, frequency_hz, sampling, cell)
+        multiple, meaning = next(iter(together), 0), ""
         if multiple == 3 and direct and find_most_cubic is not None:
             multiple = 3 if _is_own_third(line, waves, of_motion, find_most_cubic) else 0
-        meaning = _meaning(line, multiple, codes, direct, strange, cell)
+            meaning = "" if multiple else _say_together(together)
+        meaning = meaning or _meaning(line, multiple, codes, direct, strange, cell)
         if multiple:
             others = filter(None, (harmonics.get(multiple),))
             harmonics[multiple] = max([line, *others], key=lambda one: one.ratio)
@@ -147,6 +149,17 @@ def _is_own_third(
     if float(np.max(line.amplitude)) <= of_motion * size:
         return True
     return read_cubic(line, waves) <= find_most_cubic()
+
+
+def _say_together(orders: Sequence[int]) -> str:
+    """What a line is that is too large for the third multiple of a cubic's, and stands where the
+    sampling has other low odd ones too: what makes them all it does not tell. Empty where no other
+    stands there, and the line is a tone."""
+    low = [order for order in orders if order % 2 and order <= HIGHEST]
+    if len(low) < 2:
+        return ""
+    names = " and ".join(str(order) for order in low)
+    return f"multiples {names} of the oscillation, which the sampling folds together"
 
 
 def _judge_tones(
@@ -385,9 +398,7 @@ def _beating(tone: Tone, waves: Sequence[Wave]) -> dict[str, Any]:
         for (name, v), own in zip(parts.items(), np.repeat(std, 2), strict=True)
     }
     parameters["frequency_hz"] = (tone.frequency_hz, frequency_std, "Hz")
-    return make_entry(mains_tone.EFFECT, float(np.sqrt(tone.gain)), parameters, tone.gain) | {
-        "same_phase_in_all_runs": tone.common
-    }
+    return _make_tone(parameters, np.abs(vector), std) | {"same_phase_in_all_runs": tone.common}
 
 
 def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
@@ -399,19 +410,15 @@ def _tone(line: Line, waves: Sequence[Wave]) -> dict[str, Any]:
         parameters[f"{channel}_cos"] = (float(size), float(max(size, least)), "amplitude")
         parameters[f"{channel}_sin"] = (0.0, float(max(size, least)), "amplitude")
     parameters["frequency_hz"] = (line.frequency_hz, find_cell_hz(waves), "Hz")
-    return (
-        make_entry(mains_tone.EFFECT, float(np.sqrt(2 * line.ratio)), parameters, 2 * line.ratio)
-        | _magnitude(line)
-        | {"phase": UNMEASURED}
-    )
+    return _make_tone(parameters, line.amplitude, line.std) | {"phase": UNMEASURED}
 
 
-def _magnitude(line: Line) -> dict[str, Any]:
-    return {
-        "magnitude": {
-            channel: float(size) for channel, size in zip("cs", line.amplitude, strict=True)
-        },
-        "magnitude_std": {
-            channel: float(size) for channel, size in zip("cs", line.std, strict=True)
-        },
+def _make_tone(
+    parameters: dict[str, tuple[float, float, str]], amplitude: Array, std: Array
+) -> dict[str, Any]:
+    """The entry of a tone with its amplitudes in C and S (2,), by which it stands off nought."""
+    gain = float(np.sum((amplitude / std) ** 2))
+    return make_entry(mains_tone.EFFECT, float(np.sqrt(gain)), parameters, gain) | {
+        "magnitude": {name: float(size) for name, size in zip("cs", amplitude, strict=True)},
+        "magnitude_std": {name: float(one) for name, one in zip("cs", std, strict=True)},
     }
