@@ -11,6 +11,7 @@ from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array, Wave
 from ...suspicion import Suspicion
+from ..base.data import is_coarse
 from ..fits.scoring import is_gross
 from ..fits.variants import Variant, list_variants
 from ..thresholds import (
@@ -310,6 +311,10 @@ def _wrong_runs(
         if last.apart is None:
             pieces[last.run] = last.reading.pieces
     if last is None or last.chi2 / last.dof - 1 > (1 - MISTAKES_REMOVE) * (before - 1):
+        return None
+    # what rounding to few codes leaves of a run a number of its own takes too, but not all of it
+    coarse = {k for k, wave in enumerate(waves) if is_coarse(wave)}
+    if is_gross(last.fit) and coarse & {case.run for case, _ in chosen}:
         return None
     told = tuple(describe_case(waves, case, beside, before) for case, beside in chosen)
     numbers = sum(case.reading.parameters for case, _ in chosen)
