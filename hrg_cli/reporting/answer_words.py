@@ -248,9 +248,14 @@ def say_size(effect: Mapping[str, Any]) -> str:
 
 
 def _magnitude(effect: Mapping[str, Any]) -> str:
-    """The largest of the sizes that the samples show without sign or phase."""
+    """The largest of the sizes that the samples show without sign or phase, beside those that a
+    parameter tells whole."""
     stds, parameters = take_child(effect, "magnitude_std"), take_child(effect, "parameters")
-    sizes = {name: read_float(value) for name, value in take_child(effect, "magnitude").items()}
+    sizes = {
+        name: read_float(value)
+        for name, value in take_child(effect, "magnitude").items()
+        if not read_float(take_child(parameters, name).get("std")) < read_float(value)
+    }
     if not sizes:
         return ""
     name = max(sizes, key=lambda one: sizes[one])

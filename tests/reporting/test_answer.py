@@ -254,6 +254,11 @@ def test_a_size_without_a_sign_is_given_by_its_magnitude():
     }
     assert say_size(sized).startswith("± 0.070(7)")
     assert say_size({"parameters": sized["parameters"]}).startswith("0.07(7)")
+    # a converter's codes are told whole, beside a size whose sign is not known
+    step = {"value": 0.1, "std": 1e-4, "units": "amplitude"}
+    sized["parameters"]["step"] = step
+    sized["magnitude"]["step"], sized["magnitude_std"]["step"] = 0.1, 1e-4
+    assert say_size(sized).startswith("± 0.070(7)")
 
 
 def test_what_later_versions_write_is_said():
