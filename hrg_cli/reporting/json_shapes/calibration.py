@@ -112,6 +112,8 @@ class Choice(Shape):
     """Models whose checks passed."""
     not_tried: dict[str, str]
     """Models that were not tried, and why."""
+    weights: dict[str, Number] | None = None
+    """How each model that passed counts in the standard deviations that `auto` states."""
 
 
 class Repeated(Shape):

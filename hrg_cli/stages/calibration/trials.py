@@ -24,6 +24,7 @@ from .folds import choose_folds
 from .late_log import Lateness, follow
 from .preparation import PreparedRuns
 from .resonators import ResonatorCoefficients, pool_resonators
+from .variant_average import add_spread_of_variants, weigh_variants
 from .variant_solutions import Wanted
 from .wider_model import WIDEST, hold_against_widest
 
@@ -204,6 +205,7 @@ class TriedModels:
         fitted, folds = chosen.fitted, chosen.folds
         told: dict[str, Any] = {
             "choice": explain_choice(fitted, self.answers, chosen.answer, self.not_tried)
+            | {"weights": weigh_variants(self.answers)}
             if explained
             else None,
             "resonator": None if self.coefficients is None else self.coefficients.list_rows(),
@@ -243,7 +245,7 @@ def try_models(
     Returns
     -------
     TriedModels
-        With the answer.
+        With the answer; of "auto" its error holds what the variants that fit differ by.
 
     Raises
     ------
@@ -275,7 +277,9 @@ def try_models(
     beside = [WIDEST] if WIDEST in possible and WIDEST not in names and not refused else []
     tried = solve_variants(whole.fitted, folds, [*names, *beside], wanted, coefficients)
     tried = hold_against_widest(whole.layout, tried)[: len(names)]
-    answer = choose_best(tried) if model == "auto" else tried[0]
+    answer = tried[0]
+    if model == "auto":
+        answer = add_spread_of_variants(whole.layout, choose_best(tried), tried)
     return TriedModels(tried, answer, not_tried, coefficients)
 
 
