@@ -6,14 +6,15 @@ and none beyond; of those that they show, linear pieces and splines hold a part 
 fall says how large the unseen ones may be: each is taken as Gaussian, ρ times the one before, with
 ρ anywhere from 0 to 1,
 
-    c_k ~ N(0, s²ρ^{2(k−1)}),  p(ρ | c) ∝ Π_k ρ^{−(k−1)H} (Σ_k |c_k|² ρ^{−2(k−1)})^{−H(J−1)/2},
-    p(s | c, ρ) ∝ (1 + s²/3u²)^{−2} Π_k (sρ^{k−1})^{−h} exp(−h|c_k|²/2s²ρ^{2(k−1)}),
+    c_k ~ N(0, s²ρ^{2(k−1)}),
+    p(s, ρ | c) ∝ (1 + s²/3u²)^{−2} Π_k (sρ^{k−1})^{−h} exp(−h|c_k|²/2s²ρ^{2(k−1)}),
 
-|c_k|² the mean over harmonics. All H of them fall alike; the size is told by the h that move, of a
-scale factor often the constant part alone, of which two nodes may show the same by chance. u is
-what physics expects of c_1, and sizes below it are all as likely, so that a small difference is no
-proof of a small bend (half-t of three degrees; Gelman, Bayesian Analysis 1, 2006). What
-interpolation misses of each order is added in squares.
+|c_k|² the mean over harmonics, of which h move: of a scale factor often the constant part alone, of
+which two nodes may show the same by chance, and of three the middle one may lie on the line of the
+others. u is what physics expects of c_1, and sizes below it are all as likely, so that a small
+difference is no proof of a small bend (half-t of three degrees; Gelman, Bayesian Analysis 1, 2006).
+What interpolation misses of each order is added in squares. Few nodes leave ρ open, and the tail is
+heavy; every node more closes it.
 
 Of many nodes, or where runs pass between them, each inner node is predicted from the others
 instead.
@@ -239,7 +240,7 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     seen = [max(nodes.compute_energy(row), 0.0) for row in to_orders[1:]]
     usual = nodes.usual_change * float(np.sqrt(shown[0]))
     moving = nodes.count_moving(to_orders[1:])
-    sizes = [*seen, *_predict_orders(shown[1:], nodes.values.shape[1], moving, usual)]
+    sizes = [*seen, *_predict_orders(shown[1:], moving, usual)]
     weights = compute_node_weights(within, at_nodes, kind)
     missed = [
         float(np.max((order(within) - weights @ order(at_nodes)) ** 2))
@@ -248,20 +249,17 @@ def _judge_orders(nodes: _Nodes, kind: str) -> float:
     return float(np.sqrt(np.dot(sizes, missed)))
 
 
-def _predict_orders(seen: list[float], harmonics: int, moving: float, usual: float) -> Array:
-    """Mean squares of the next orders (UNSEEN_ORDERS,) from those seen (K,) of the first ones, and
-    from the usual size of the first; so many harmonics fall, of which some move."""
+def _predict_orders(seen: list[float], moving: float, usual: float) -> Array:
+    """Mean squares of the next orders (UNSEEN_ORDERS,) from those seen (K,) of the first ones, of
+    so many harmonics that move, and from the usual size of the first."""
     if not (usual > 0 and any(seen)):
         return np.zeros(UNSEEN_ORDERS)
-    order, ratio = np.arange(len(seen)), RATIOS[:, None]
-    of_first = np.sum(np.array(seen) * ratio ** (-2.0 * order), axis=1)
-    log_chance = -harmonics * (np.log(RATIOS) * order.sum() + len(seen) / 2 * np.log(of_first))
-    chance = np.exp(log_chance - log_chance.max())
-    size = usual * SIZES
-    log_size = -moving * (len(seen) * np.log(size) + of_first[:, None] / (2 * size**2))
+    order, ratio, size = np.arange(len(seen)), RATIOS[:, None], usual * SIZES
+    of_first = np.sum(np.array(seen) * ratio ** (-2.0 * order), axis=1, keepdims=True)
+    log_sizes = len(seen) * np.log(size) + order.sum() * np.log(ratio)
+    log_chance = -moving * (log_sizes + of_first / (2 * size**2))
     # sizes are looked at evenly in ln s
-    log_size += np.log(size) - 2 * np.log1p(SIZES**2 / 3)
-    of_size = np.exp(log_size - log_size.max(axis=1, keepdims=True))
-    square = of_size @ size**2 / of_size.sum(axis=1)
+    log_chance += np.log(size) - 2 * np.log1p(SIZES**2 / 3)
+    chance = np.exp(log_chance - log_chance.max())
     following = len(seen) + np.arange(UNSEEN_ORDERS)
-    return np.asarray((chance * square / chance.sum()) @ ratio ** (2.0 * following))
+    return np.asarray((chance @ size**2 / chance.sum()) @ ratio ** (2.0 * following))
