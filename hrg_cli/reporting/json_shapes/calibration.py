@@ -113,7 +113,7 @@ class Choice(Shape):
     not_tried: dict[str, str]
     """Models that were not tried, and why."""
     weights: dict[str, Number] | None = None
-    """How each model that passed counts in the standard deviations that `auto` states."""
+    """How each model that passed counts in the standard deviations that are stated."""
 
 
 class Repeated(Shape):

@@ -245,7 +245,8 @@ def try_models(
     Returns
     -------
     TriedModels
-        With the answer; of "auto" its error holds what the variants that fit differ by.
+        With the answer, whose error holds what the variants that fit differ by: those that were
+        asked for, and the widest.
 
     Raises
     ------
@@ -276,11 +277,11 @@ def try_models(
     names = _choose_names(model, possible, not_tried, refused, whole.factors)
     beside = [WIDEST] if WIDEST in possible and WIDEST not in names and not refused else []
     tried = solve_variants(whole.fitted, folds, [*names, *beside], wanted, coefficients)
-    tried = hold_against_widest(whole.layout, tried)[: len(names)]
-    answer = tried[0]
-    if model == "auto":
-        answer = add_spread_of_variants(whole.layout, choose_best(tried), tried)
-    return TriedModels(tried, answer, not_tried, coefficients)
+    tried = hold_against_widest(whole.layout, tried)
+    asked = tried[: len(names)]
+    answer = choose_best(asked) if model == "auto" else asked[0]
+    answer = add_spread_of_variants(whole.layout, answer, tried)
+    return TriedModels(asked, answer, not_tried, coefficients)
 
 
 def try_again(

@@ -1,4 +1,5 @@
-"""What the variants that predict alike differ by, in the error of the one that is written.
+"""What the variants that predict alike, or better, differ by, in the error of the one that is
+written.
 
 The covariance of a variant holds if that variant is the gyro's. Of several that pass their checks
 each has a weight by how it predicts data left out,
