@@ -39,7 +39,7 @@ def weigh_variants(tried: Sequence[TriedVariant]) -> dict[str, float]:
     Returns
     -------
     dict
-        Name -> weight, of those that pass every check; their sum is 1.
+        Name -> weight, of those that were fitted to the runs and pass every check; their sum is 1.
 
     Examples
     --------
@@ -48,15 +48,16 @@ def weigh_variants(tried: Sequence[TriedVariant]) -> dict[str, float]:
     >>> from types import SimpleNamespace as Told
     >>> import numpy as np
     >>> from hrg_cli.stages.calibration.variant_average import weigh_variants
+    >>> own = Told(foreign=False)
     >>> tried = [
-    ...     Told(name="table", fits=True, held_out_chi2=1000.0 + 2 * np.log(3)),
-    ...     Told(name="quadrature", fits=True, held_out_chi2=1000.0),
-    ...     Told(name="phase", fits=False, held_out_chi2=900.0),
+    ...     Told(name="table", fits=True, tried=own, held_out_chi2=1000.0 + 2 * np.log(3)),
+    ...     Told(name="quadrature", fits=True, tried=own, held_out_chi2=1000.0),
+    ...     Told(name="phase", fits=False, tried=own, held_out_chi2=900.0),
     ... ]
     >>> {name: round(weight, 6) for name, weight in weigh_variants(tried).items()}
     {'table': 0.25, 'quadrature': 0.75}
     """
-    fitting = [one for one in tried if one.fits]
+    fitting = [one for one in tried if one.fits and not one.tried.foreign]
     if not fitting:
         return {}
     chi2 = np.array([one.held_out_chi2 for one in fitting])
@@ -82,7 +83,8 @@ def add_spread_of_variants(
     Returns
     -------
     TriedVariant
-        With the same coefficients; as it is where it does not pass its checks.
+        With the same coefficients; as it is where it does not pass its checks, or its coefficients
+        come from elsewhere and know what these runs do not.
 
     Examples
     --------
@@ -106,16 +108,15 @@ def add_spread_of_variants(
     >>> found.coefficients.tolist(), found.covariance.tolist()
     ([2.0, 0.55], [[3.0, 0.0], [0.0, 1.0]])
     """
-    if not answer.fits:
-        return answer
     weights, solution = weigh_variants(tried), answer.tried.solution
-    tables, own = slice(layout.table_size), weights[answer.name]
+    if answer.name not in weights:
+        return answer
+    tables, rest = slice(layout.table_size), slice(layout.table_size, layout.size)
+    mixed = weights[answer.name] * solution.covariance
     # the factors are one variant's own: what others say of the tables does not go with them
-    mixed = own * solution.covariance
-    rest = slice(layout.table_size, layout.size)
     mixed[rest, rest] = solution.covariance[rest, rest]
     for one in tried:
-        if one.fits and one.name != answer.name:
+        if one.name in weights and one.name != answer.name:
             other = one.tried.solution
             step = (other.coefficients - solution.coefficients)[tables]
             moment = other.covariance[tables, tables] + np.outer(step, step)
