@@ -185,7 +185,8 @@ def test_tables_that_have_aged_are_contradicted_by_the_runs_own_log(tables, trut
     assert done.status == "suspect" and "tables that have aged" in done.status_reasons[-1]
     assert summarise(done)["error_over_std_rms"] < 1.3  # hardly anything is seen in single rates
     figures = summarise(done)["angle_against_log"]
-    assert figures["largest_over_std"] > 7
+    # it was 7: at 10 °C σ holds what three nodes leave open between them
+    assert figures["largest_over_std"] > 6
     at = np.argmin(np.abs(done.time_s - figures["time_s"]))
     stated = figures["largest_over_std"] * done.angle_estimate_rad_std[at]
     # what the rates scatter beyond their deviations is the log's own and widens it
