@@ -316,6 +316,14 @@ MUTATIONS: dict[str, tuple[str, tuple[Change, ...]]] = {
             ("doubted=bool(unseen and settings.get(limit) is None)", "doubted=False"),
         ),
     ),
+    "stages/calibration/variant_average.py": (
+        "tests/stages/calibration/test_variant_average.py",
+        (
+            ("np.exp(-(chi2 - chi2.min()) / 2)", "np.exp((chi2 - chi2.min()) / 2)"),
+            ("mixed[rest, rest] = solution.covariance[rest, rest]", "pass"),
+            ("[tables, tables] + np.outer(step, step)", "[tables, tables]"),
+        ),
+    ),
     "stages/calibration/programme.py": (
         "tests/stages/calibration/test_programme_nodes.py",
         (
