@@ -133,7 +133,9 @@ def find_shared_noise(waves: Sequence[Wave]) -> SharedNoise | None:
     >>> found.first, found.second, bool(found.correlation > 0.9)
     (1, 2, True)
     """
-    rows = [_rows_of(wave) for wave in waves]
+    # twice the longest run's rows: no shift of two runs comes round to another
+    length = 2 * min(MOST_ROWS, max((len(wave) for wave in waves), default=1))
+    rows = [_rows_of(wave, length) for wave in waves]
     for (i, one), (k, other) in combinations(enumerate(rows), 2):
         if one is None or other is None or not _windowed_alike(one, other):
             continue
@@ -148,8 +150,10 @@ def _windowed_alike(one: _Rows, other: _Rows) -> bool:
     return one.period_rad == other.period_rad and abs(other.step_s / one.step_s - 1) < STEPS
 
 
-def _rows_of(wave: Wave) -> _Rows | None:
-    """None where there are too few rows, they state no noise, or what is left is not noise."""
+def _rows_of(wave: Wave, length: int) -> _Rows | None:
+    """A run's rows, their transform at least `length` long; None where there are too few rows, they
+    state no noise, or what is left is not noise."""
+    from scipy.fft import next_fast_len
     from scipy.signal import savgol_filter
 
     n = min(len(wave), MOST_ROWS)
@@ -173,7 +177,7 @@ def _rows_of(wave: Wave) -> _Rows | None:
         return None
     stds = tuple(np.median(own, axis=1).tolist())
     both = noise[0] + 1j * noise[1]
-    transform = np.fft.fft(both, 2 * MOST_ROWS)
+    transform = np.fft.fft(both, next_fast_len(length))
     step, period = float(np.median(np.diff(t))), np.pi / wave.mode_number
     return _Rows(
         step, both, transform, columns[0], columns[1], (float(stds[0]), float(stds[1])), period

@@ -86,46 +86,6 @@ def flatten_own(series: MeasuredRuns, values: Array) -> Array:
     return rows if series.unsettled is None else series.unsettled.project_out_own(rows)
 
 
-def flatten_by_run(series: MeasuredRuns, values: Array) -> Array:
-    """The same of every run alone, all others at 0, off what is unsettled.
-
-    A run's part cannot be cut out of `flatten_rows`: what is unsettled of several runs together
-    takes of one run's part something off in the others.
-
-    Parameters
-    ----------
-    series
-        The runs, R of n rows.
-    values
-        (R, n, 4, K) over σ.
-
-    Returns
-    -------
-    ndarray
-        (N, R, K); their sum over R is `flatten_rows`.
-
-    Examples
-    --------
-    Two runs of one row, beside a mean of both that nobody knows:
-
-    >>> from types import SimpleNamespace
-    >>> import numpy as np
-    >>> from hrg_cli.fitting.causes.designs import Basis
-    >>> from hrg_cli.fitting.causes.whitened_rows import flatten_by_run
-    >>> mean = Basis((), np.full((8, 1), 8**-0.5))
-    >>> series = SimpleNamespace(weight=np.ones((2, 1)), scatter=None, unsettled=mean)
-    >>> flatten_by_run(series, np.ones((2, 1, 4, 1)))[[0, 4], :, 0].round(9).tolist()
-    [[0.5, -0.5], [-0.5, 0.5]]
-    """
-    columns = flatten_own(series, values)
-    out = np.zeros((len(columns), len(series.weight), columns.shape[1]))
-    for k, rows in enumerate(split_rows(series)):
-        out[rows, k] = columns[rows]
-    if series.unsettled is None:
-        return out
-    return series.unsettled.project_out_shared(out.reshape(len(out), -1)).reshape(out.shape)
-
-
 def split_rows(series: MeasuredRuns) -> list[slice]:
     """Which of the rows with weight, four values each, are whose.
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from ....fitting.causes import evidence, extended_fit
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.own_columns import OwnColumns
 from ....fitting.causes.sensitivities import find_effect_sensitivities
-from ....fitting.causes.whitened_rows import flatten_by_run
 from ....fitting.least_squares import invert_information, square_over_covariance
 from ..fits.refits import compute_bic, leave_out
 from ..fits.scoring import compute_worth, score_effects
@@ -90,9 +90,9 @@ def _choose_signs(fit: ExtendedFit, coherent: Sequence[Variant]) -> tuple[Array,
     price = 2 * (runs - 1) * float(np.log(2))
     best, signs = -np.inf, np.ones(runs)
     columns = find_effect_sensitivities(fit.flow, [variant.wanted for variant in coherent])
-    for by_run in (flatten_by_run(fit.series, one) for one in columns):
-        turned = _turn_signs(by_run, fit)
-        promised = evidence.find_bic_gain(turned.gain, by_run.shape[2], len(fit.residual)) - price
+    for values in columns:
+        turned = _turn_signs(OwnColumns.from_values(fit.series, values), fit)
+        promised = evidence.find_bic_gain(turned.gain, values.shape[-1], len(fit.residual)) - price
         # by what it promises with its price, so that of two coherent vectors the one with fewer
         # parameters gives the signs
         if turned.gain - turned.untouched > SIGNS_TURNED + price and promised > best:
@@ -203,14 +203,12 @@ class SignedNormal:
     b: Array
 
     @classmethod
-    def from_columns(cls, base: ExtendedFit, by_run: Array) -> SignedNormal:
-        """Of every run's columns (N, R, K) off what the base fit leaves free."""
-        _, runs, count = by_run.shape
-        size = np.sqrt(np.sum(by_run**2, axis=(0, 1)))
+    def from_columns(cls, base: ExtendedFit, own: OwnColumns) -> SignedNormal:
+        """Of every run's columns off what the base fit leaves free."""
+        products = own.multiply_beside(base.basis, base.residual)
+        size = np.sqrt(products.square.sum(axis=0))
         size[size == 0] = 1.0
-        wide = base.basis.project_out((by_run / size).reshape(len(by_run), -1))
-        A = (wide.T @ wide).reshape(runs, count, runs, count)
-        return cls(A, (wide.T @ base.residual).reshape(runs, count))
+        return cls(products.A / size[:, None, None] / size, products.b / size)
 
     def compute_gains(self, signs: Array) -> Array:
         """What the vector takes of χ² with each of several choices of signs (n, R), (n,)."""
@@ -250,13 +248,13 @@ class SignedNormal:
             signs, gain = nearby[best], float(gains[best])
 
 
-def _turn_signs(by_run: Array, base: ExtendedFit) -> Turned:
-    """The best signs found for columns (N, R, K) of runs of which each may turn its sign.
+def _turn_signs(own: OwnColumns, base: ExtendedFit) -> Turned:
+    """The best signs found for columns of runs of which each may turn its sign.
 
     A climb from all + alone may end where two runs would have to turn together.
     """
-    runs = by_run.shape[1]
-    normal = SignedNormal.from_columns(base, by_run)
+    runs = len(own.parts)
+    normal = SignedNormal.from_columns(base, own)
     untouched = float(normal.compute_gains(np.ones((1, runs)))[0])
     if normal.compute_gain_of_each() - untouched < SIGNS_TURNED:
         return Turned(untouched, untouched, np.ones(runs))

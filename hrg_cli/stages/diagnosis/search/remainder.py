@@ -17,7 +17,7 @@ from ....fitting.causes.designs import Basis
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import multiply_out
+from ....fitting.causes.sensitivities import Propagation, multiply_out
 from ....fitting.causes.slow_equation import RungeKuttaStage
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
@@ -223,31 +223,37 @@ def judge_terms(
     [('gain', 0), ('gain split', 852)]
     """
     ledger, order = evidence.Ledger(residual, Q), list[int]()
-    for numbers, columns, widths in compute_term_columns(fit, pairs):
+    for numbers, columns, widths in compute_term_columns(fit.flow, pairs):
         ledger.enter(columns, widths)
         order += numbers
     names = [f"{pairs[k][0].name} × {pairs[k][1].formula}" for k in order]
-    made = [partial(_build_term, fit, pairs[k]) for k in order]
+    # of the flow, not of the fit, which remembers its terms: a ring of both would be freed late
+    made = [partial(_build_term, fit.flow, pairs[k]) for k in order]
     found = dict(zip(order, ledger.compute_scores(names, made), strict=True))
     return [Term(place, covariate, found[k]) for k, (place, covariate) in enumerate(pairs)]
 
 
-def _build_term(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
+def _build_term(flow: Propagation, pair: tuple[Place, Covariate]) -> Array:
     """The columns of one term."""
-    ((_, columns, _),) = compute_term_columns(fit, [pair])
+    ((_, columns, _),) = compute_term_columns(flow, [pair])
     return columns
 
 
+def _build_beside(fit: ExtendedFit, pair: tuple[Place, Covariate]) -> Array:
+    """The same beside a fit."""
+    return _build_term(fit.flow, pair)
+
+
 def compute_term_columns(
-    fit: ExtendedFit, pairs: Sequence[tuple[Place, Covariate]]
+    flow: Propagation, pairs: Sequence[tuple[Place, Covariate]]
 ) -> Iterator[tuple[list[int], Array, list[int]]]:
     """Numbers, sensitivities over σ side by side (N, Σ widths) and widths of some terms at a time;
     those of a place share its vectors.
 
     Parameters
     ----------
-    fit
-        Of the runs.
+    flow
+        Along a prediction of the runs.
     pairs
         Place and covariate of each term.
 
@@ -264,10 +270,10 @@ def compute_term_columns(
     >>> fit = draw_mismatched_fit()
     >>> constant, *_ = list_covariates(fit.series, fit.prediction.motion)
     >>> pairs = [(place, constant) for place in PLACES if place.name in ("gain", "gain split")]
-    >>> [(columns.shape, widths) for _, columns, widths in compute_term_columns(fit, pairs)]
+    >>> [(columns.shape, widths) for _, columns, widths in compute_term_columns(fit.flow, pairs)]
     [((600, 1), [1]), ((600, 1), [1])]
     """
-    flow, series = fit.flow, fit.series
+    series = flow.prediction.series
     motion, seen = flow.prediction.motion, flow.prediction.seen
     by_place: dict[str, list[int]] = {}
     for k, (place, _) in enumerate(pairs):
@@ -626,7 +632,7 @@ def _find_standing_term(
 
     left = list(ranked)
     while left and stands(best := find_best_term(fit, left)):
-        make = partial(_build_term, pair=(best.place, best.covariate))
+        make = partial(_build_beside, pair=(best.place, best.covariate))
         if stands(replace(best, score=correct_for_walk(fit, best.score, make))):
             return best
         left = [one for one in left if not _is_same_term(one, best)]

@@ -10,9 +10,10 @@ import numpy as np
 
 from ....fitting.causes import evidence
 from ....fitting.causes.extended_fit import ExtendedFit
+from ....fitting.causes.own_columns import OwnColumns
 from ....fitting.causes.sensitivities import Propagation, find_base_sensitivities
 from ....fitting.causes.wave_frame import to_reals
-from ....fitting.causes.whitened_rows import flatten_by_run, flatten_rows
+from ....fitting.causes.whitened_rows import flatten_rows
 from ....fitting.envelopes.coordinates import COORDINATES
 from ....records import Array
 from .readings import DAMPING, SCALE_FACTOR
@@ -46,12 +47,13 @@ def find_largest_gain(fit: ExtendedFit) -> float:
     """
     shared, _ = find_base_sensitivities(fit.flow)
     own = shared[..., OWN], _predict_constant_rate(fit.flow), _predict_amplifiers(fit.flow)
-    together = np.concatenate(own, axis=-1)
-    by_run = flatten_by_run(fit.series, together)
-    alone = [column[:, None] for column in by_run.reshape(len(by_run), -1).T]
-    names = [str(number) for number in range(len(alone))]
-    found = evidence.score_candidates(names, fit.residual, alone, fit.basis)
-    return max((one.gain for one in found if one.visible), default=0.0)
+    columns = OwnColumns.from_values(fit.series, np.concatenate(own, axis=-1))
+    beside = columns.multiply_beside(fit.basis, fit.residual)
+    # of unit columns, each judged alone; what is not there has no size, and gains nothing
+    size = np.sqrt(np.where(beside.square > 0, beside.square, 1.0)).ravel()
+    P, c = np.einsum("rkrk->rk", beside.A).ravel() / size**2, beside.b.ravel() / size
+    gain, _ = evidence.compute_gains(P[:, None, None], c[:, None])
+    return float(gain.max(initial=0.0))
 
 
 def find_gain_of_lateness(fit: ExtendedFit) -> float:

@@ -32,7 +32,7 @@ def test_a_terms_columns_are_the_sensitivities_of_the_effect_it_becomes(fit):
     some = {c.formula: c for c in list_covariates(fit.series, fit.flow.prediction.motion)}
     for name in ("√(t/T)", "a₀/a", "(T − T₀)/ΔT", "harmonic 4θ × (a/a₀)²"):
         for place in PLACES:
-            ((_, columns, _),) = compute_term_columns(fit, [(place, some[name])])
+            ((_, columns, _),) = compute_term_columns(fit.flow, [(place, some[name])])
             effect = make_open_effect(place, some[name], "open")
             steps = scales.list_steps(effect, fit.series)
             own = whitened_rows.find_sensitivity(fit.flow, effect, effect.values(), steps)
