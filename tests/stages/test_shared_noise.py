@@ -7,6 +7,7 @@ import pytest
 
 from hrg_cli.errors import HrgError
 from hrg_cli.records import Recording, collect
+from hrg_cli.stages import shared_noise
 from hrg_cli.stages.demodulate import demodulate
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
@@ -85,3 +86,11 @@ def test_stationary_runs_are_told_by_noise_alone():
     need_own_noise(waves)
     for one, other in pairwise(waves):
         assert find_shared_noise([one, other, one.replace(run_id="copy")]) is not None
+
+
+def test_the_motion_is_taken_off_by_savitzky_and_golays_polynomials():
+    from scipy.signal import savgol_filter
+
+    columns = np.random.default_rng(5).standard_normal((2, 300)).cumsum(axis=1)
+    expected = savgol_filter(columns, shared_noise.SMOOTHED, shared_noise.DEGREE)
+    assert np.allclose(shared_noise._smooth(columns), expected, rtol=0, atol=1e-9)

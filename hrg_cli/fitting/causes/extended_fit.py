@@ -23,6 +23,7 @@ from .designs import Basis, Design, Factored
 from .fit_point import Point
 from .measured_runs import MeasuredRuns
 from .motion_budget import spend_motion
+from .remembered import Remembered
 from .sensitivities import Propagation, Wanted, linearise_flow
 from .slow_prediction import Near, Prediction, predict
 from .wave_frame import find_directions, to_complex, to_reals
@@ -106,14 +107,19 @@ class ExtendedFit:
         return self.factored.basis
 
     @cached_property
-    def _known(self) -> dict[Any, Array]:
-        return {}
+    def _known(self) -> Remembered:
+        return Remembered()
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it holds, about: the basis has as many as the design, the flow as many
+        as both."""
+        own = sum(values.size for _, _, values in self.design.own)
+        return 4 * (self.design.shared.size + own)
 
     def recall(self, key: Hashable, made: Callable[[], Any]) -> Any:
         """What is made beside this fit, the same for the same key."""
-        if key not in self._known:
-            self._known[key] = made()
-        return self._known[key]
+        return self._known.recall(key, made)
 
     def find_sensitivities(self, wanted: Sequence[Wanted]) -> list[Array]:
         """Of many effects at the optimum, (N, K) each; what was asked for once is remembered."""
@@ -121,9 +127,11 @@ class ExtendedFit:
             (effect, tuple(values.items()), tuple(steps.items()))
             for effect, values, steps in wanted
         ]
-        new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in self._known}
-        self._known.update(zip(new, find_sensitivities(self.flow, list(new.values())), strict=True))
-        return [self._known[key] for key in keys]
+        held = {key: self._known[key] for key in keys if key in self._known}
+        new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in held}
+        for key, made in zip(new, find_sensitivities(self.flow, list(new.values())), strict=True):
+            self._known[key] = held[key] = made
+        return [held[key] for key in keys]
 
     def coordinate(self, name: str) -> float:
         """Value of a coordinate."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,7 @@ class MeasuredRuns:
     ...     names=("left",), time_s=t, rate_rad_s=0.1 * t**2, table_angle_rad=0.1 * t**3 / 3,
     ...     reference_frequency_hz=5e3, mode_number=2,
     ... ))
-    >>> series.average_neighbours().rate_rad_s.round(9).tolist()
+    >>> series.middles.rate_rad_s.round(9).tolist()
     [[0.025, 0.225, 0.625]]
     """
 
@@ -212,7 +213,8 @@ class MeasuredRuns:
         """The same beside the rows, (R, 1), as a state of the envelopes has it."""
         return self.numbers[:, None]
 
-    def average_neighbours(self) -> MeasuredRuns:
+    @cached_property
+    def middles(self) -> MeasuredRuns:
         """The same quantities in the middle of the steps, (R, n − 1)."""
         cut = {
             f: (getattr(self, f)[:, 1:] + getattr(self, f)[:, :-1]) / 2

@@ -46,10 +46,10 @@ class OwnColumns:
         XᵀU (2w − w²) UᵀX, and beside a basis Q, YᵀY − BᵀB of B = QᵀX − QᵀU w UᵀX.
         """
         runs, count = len(self.parts), self.parts[0][1].shape[1]
-        gram = np.zeros((runs, count, runs, count))
+        gram = np.zeros((runs * count, runs * count))
         for run, (_, X) in enumerate(self.parts):
-            gram[run, :, run] = X.T @ X
-        gram = gram.reshape(runs * count, -1)
+            own = slice(run * count, (run + 1) * count)
+            gram[own, own] = X.T @ X
         along = self._project(residual[:, None])[0]
         B = self._project_own(basis)
         if self.unknown is not None:

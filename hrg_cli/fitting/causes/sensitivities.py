@@ -3,7 +3,7 @@ them costs one sweep over the rows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from .measured_runs import MeasuredRuns
 from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
-    build_generators,
     compute_second_order_force,
     find_effect_turns,
     find_steady_generators,
@@ -34,6 +33,8 @@ SPLIT = (3, 4)
 ROUNDING = 1e-14
 """Part of what a term stands beside (the drive it deflects, the signal it changes) below which it
 is rounding."""
+AT_A_TIME = 1 << 18
+"""Numbers in the columns that are made together, which stay in the processor's cache (2 MB)."""
 Wanted = tuple[Effect, Mapping[str, float], Mapping[str, float]]
 """An effect, the values where it stands (neutral for one that is not active), and the difference
 steps of the parameters asked for."""
@@ -174,12 +175,12 @@ def linearise_flow(prediction: Prediction) -> Propagation:
     True
     """
     series, point, u = prediction.series, prediction.point, prediction.motion
-    centre = series.average_neighbours()
+    centre = series.middles
     h = series.step_s[..., None, None]
-    L, M = build_generators(series, point), build_generators(centre, point)
-    steady = find_steady_generators(series, L)[:, None]
-    L, M = L - steady, M - steady
     rows, halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
+    L = rows.build_generators()
+    steady = find_steady_generators(series, L)[:, None]
+    L, M = L - steady, halves.build_generators() - steady
     turn = find_effect_turns(rows, series)
     steady, turned = steady + turn, make_real_matrix(turn)
     slope_rows = apply_generators(L, u) + rows.compute_source(u)
@@ -454,7 +455,7 @@ def _differences(
 def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> list[Array]:
     """What every effect's parameters do to what the fit judges, over σ.
 
-    The motion of all is carried in one sweep.
+    The motion of many is carried in one sweep.
 
     Parameters
     ----------
@@ -494,9 +495,50 @@ def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> li
     >>> bool(np.allclose(to_complex(columns[..., 0]), 500 * found.seen * [1, -1]))
     True
     """
-    if not wanted:
-        return []
-    seen = _Seen(flow)
+    seen, out = _Seen(flow), list[Array]()
+    rows = 4 * flow.prediction.series.weight.size
+    for some in batch_columns([len(steps) for _, _, steps in wanted], rows):
+        out += _sweep(seen, [wanted[k] for k in some])
+    return out
+
+
+def batch_columns(widths: Sequence[int], rows: int) -> Iterator[list[int]]:
+    """Places of neighbours whose columns are made together: as many as `AT_A_TIME` numbers hold, so
+    that what is at work at once does not grow with the runs.
+
+    Parameters
+    ----------
+    widths
+        Columns of each.
+    rows
+        Numbers in a column.
+
+    Returns
+    -------
+    iterator of list
+        One at least in each.
+
+    Examples
+    --------
+    >>> from hrg_cli.fitting.causes.sensitivities import batch_columns
+    >>> list(batch_columns([1, 2, 1, 9], 100_000))
+    [[0, 1], [2], [3]]
+    """
+    some, held = list[int](), 0
+    for place, width in enumerate(widths):
+        if some and (held + width) * rows > AT_A_TIME:
+            yield some
+            some, held = [], 0
+        some.append(place)
+        held += width
+    if some:
+        yield some
+
+
+def _sweep(seen: _Seen, wanted: Sequence[Wanted]) -> list[Array]:
+    """The same of a few, in one sweep through all runs: the propagators are the cost, not the
+    columns."""
+    flow = seen.flow
     terms = [seen.differentiate(*one) for one in wanted]
     counts = [len(steps) for _, _, steps in wanted]
     moving = [
@@ -513,19 +555,13 @@ def find_effect_sensitivities(flow: Propagation, wanted: Sequence[Wanted]) -> li
             if any(t.in_steps is not None for t in terms)
             else None
         )
-        # one sweep through all runs carries the columns of every effect at once: the propagators
-        # are the cost, not the columns
         carried = flow.propagate(
             np.concatenate(rows, -1),
             np.concatenate(middles, -1),
             in_steps=None if jumps is None else np.concatenate(jumps, -1),
         )
-        carried = flow.read_out(carried)
-        for k, part in zip(
-            moving,
-            np.split(carried, np.cumsum([counts[k] for k in moving])[:-1], axis=-1),
-            strict=True,
-        ):
+        ends = np.cumsum([counts[k] for k in moving])[:-1]
+        for k, part in zip(moving, np.split(flow.read_out(carried), ends, axis=-1), strict=True):
             out[k] = part
     return [
         flow.prediction.whiten_judged(o if t.direct is None else o + t.direct)

@@ -64,17 +64,23 @@ class RungeKuttaStage:
         self.driven = bool(np.any(series.forced))
         hz = series.reference_frequency_hz
         self.second = point.p[coordinates.SECOND_ORDER] * compute_second_order_force(point.p, hz)
-        self.lead = point.p[coordinates.SECOND_ORDER] * compute_lead(hz)
+        self.own_lead = compute_lead(hz)
+        self.lead = point.p[coordinates.SECOND_ORDER] * self.own_lead
         self.main, self.quadrature = series.main_drive, series.quadrature_drive
         self.holds = bool(np.any(np.isfinite(series.held_amplitude)))
+        self.plain, self.second_order = _orders(series, point)
+        self.turns = bool(np.any(series.rate_rad_s))
         self.L = np.empty((*series.time_s.shape, 0))
         if self.holds:
-            self.L = build_generators(series, point) - build_mean_turns(series)[:, None]
-        self.plain = _plain(series, point)
+            self.L = self.build_generators() - build_mean_turns(series)[:, None]
         self.fastest_1_s = float(np.max(np.abs(self.plain), initial=0.0))
         self.frame_turn = series.frame_turn
         self.held, self.held_slope = series.held_amplitude, series.held_slope
         self.follow_1_s = FOLLOWING / max(float(series.time_s.max() - series.time_s.min()), 1e-9)
+
+    def build_generators(self) -> Array:
+        """`build_generators` at these instants, from what is at hand of it."""
+        return _shift_generators(*self.of, self.plain, self.second_order)
 
     def select_instants(self, k: int | slice) -> RungeKuttaStage:
         """The instants of columns k."""
@@ -174,14 +180,11 @@ class RungeKuttaStage:
             turn, e_A, e_B = turn * phase, cos * e_A + sin * e_B, cos * e_B - sin * e_A
         return turn[..., None] * (main[..., None] * e_A - 1j * self.quadrature[..., None] * e_B)
 
-    @cached_property
+    @property
     def beside_motion(self) -> Array | None:
         """jL₂/2ω (R, n, 2, 2): what the displacement shows beside the motion at a rate; None where
         no run turns."""
-        series, point = self.of
-        if not np.any(series.rate_rad_s):
-            return None
-        return compute_lead(series.reference_frequency_hz) * _orders(series, point)[1]
+        return self.own_lead * self.second_order if self.turns else None
 
     def compute_displacement(self, v: Array) -> Array:
         """The envelopes u = v + jf/2ω + jL₂v/2ω that demodulation shows of the displacement, before
@@ -191,7 +194,7 @@ class RungeKuttaStage:
     def _displace(self, v: Array, drive: Array | None) -> Array:
         """The displacement of envelopes v under the drive that they call for."""
         u = v if drive is None else v + self.lead * drive
-        return u if self.beside_motion is None else u + apply_generators(self.beside_motion, v)
+        return u + self.own_lead * apply_generators(self.second_order, v) if self.turns else u
 
     def make_state(self, u: Array) -> SlowState:
         """What the effects look at beside the envelopes u, with the drive these call for."""
@@ -392,7 +395,11 @@ def build_generators(series: MeasuredRuns, point: Point) -> Array:
     >>> bool(np.allclose(build_generators(series, point)[0, 0], (3j - 0.1) * np.eye(2)))
     True
     """
-    first, second = _orders(series, point)
+    return _shift_generators(series, point, *_orders(series, point))
+
+
+def _shift_generators(series: MeasuredRuns, point: Point, first: Array, second: Array) -> Array:
+    """The same from both orders of L, (R, n, 2, 2)."""
     L = first + second
     if np.any(series.rate_rad_s):
         shift = compute_lead(series.reference_frequency_hz) * second
@@ -516,14 +523,9 @@ def find_effect_turns(stage: RungeKuttaStage, series: MeasuredRuns) -> Array:
 def _orders(series: MeasuredRuns, point: Point) -> tuple[Array, Array]:
     """L by plain averaging, and what the second order changes of it, (R, n, 2, 2)."""
     omega = 2 * np.pi * series.reference_frequency_hz + point.offset_rad_s[:, None]
-    plain = _plain(series, point)
+    plain = coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
     full = coordinates.build_generator(np.append(point.p[:6], 1.0), series.rate_rad_s, omega)
     return plain, point.p[coordinates.SECOND_ORDER] * (full - plain)
-
-
-def _plain(series: MeasuredRuns, point: Point) -> Array:
-    """L by plain averaging, (R, n, 2, 2)."""
-    return coordinates.build_generator(np.append(point.p[:6], 0.0), series.rate_rad_s, 1.0)
 
 
 def find_strikes(series: MeasuredRuns, point: Point) -> list[tuple[float, float]]:

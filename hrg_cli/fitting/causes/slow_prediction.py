@@ -22,7 +22,6 @@ from .measured_runs import MeasuredRuns
 from .slow_equation import (
     RungeKuttaStage,
     apply_generators,
-    build_generators,
     find_effect_turns,
     find_steady_generators,
     predict_jumps,
@@ -124,11 +123,12 @@ class Rule:
     taken exactly (Lawson 1967), and what it misses of a turn that changes put right."""
 
     def __init__(self, series: MeasuredRuns, point: Point) -> None:
-        centre = series.average_neighbours()
-        self.rows, self.halves = RungeKuttaStage(series, point), RungeKuttaStage(centre, point)
-        L = build_generators(series, point)
+        self.rows = RungeKuttaStage(series, point)
+        self.halves = RungeKuttaStage(series.middles, point)
+        L = self.rows.build_generators()
         steady = find_steady_generators(series, L)
-        self.L, self.M = L - steady[:, None], build_generators(centre, point) - steady[:, None]
+        self.L = L - steady[:, None]
+        self.M = self.halves.build_generators() - steady[:, None]
         self.turn = find_effect_turns(self.rows, series)
         self.h = series.step_s[..., None]
         self.E = exponentiate(steady[:, None] + self.turn, series.step_s / 2)

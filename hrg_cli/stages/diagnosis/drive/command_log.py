@@ -225,7 +225,7 @@ def _change(fit: ExtendedFit, other: MeasuredRuns) -> Array:
     """By how much the waves change, over σ (R, n, 4), with the commands of another series."""
     flow, point = fit.flow, fit.point
     motion, rows = fit.prediction.motion, RungeKuttaStage(other, point)
-    halves = RungeKuttaStage(other.average_neighbours(), point)
+    halves = RungeKuttaStage(other.middles, point)
     at_rows = to_reals(rows.compute_source(motion) - flow.rows.compute_source(motion))[..., None]
     at_middle = to_reals(
         halves.compute_source(flow.middle) - flow.halves.compute_source(flow.middle)

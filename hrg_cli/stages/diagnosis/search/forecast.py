@@ -107,6 +107,10 @@ class Errors:
         white = channel_noise.whiten_reals(self.whitening, values[:, None])[:, 0]
         return white * self.weight[:, None, None]
 
+    def forget_learned(self) -> Errors:
+        """The same without what was learned, which grows with rows times runs."""
+        return replace(self, learned=self.learned[..., :0].copy())
+
     def draw(self, random: np.random.Generator) -> Array:
         """e had the training taught something else within its own uncertainty, (k, DRAWS)."""
         taught = random.standard_normal((DRAWS, self.learned.shape[-1]))
@@ -205,7 +209,8 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
     search = case.search
     if not search.found:
         return None
-    base, before, after, chosen = search.base, [], [], []
+    base, before, after, drawn, chosen = search.base, [], [], [], []
+    random = np.random.default_rng(seed)
     for fold in split_for_forecast(base.series):
         with contextlib.suppress(extended_fit.DivergedError):
             plain = train(base, fold)
@@ -215,14 +220,14 @@ def forecast(case: Case, unit: str, seed: int = 0) -> dict[str, Any] | None:
                 find_forecast_errors(inside.final, base, fold),
             )
             if all(np.all(np.isfinite(one.difference)) for one in pair):
-                before.append(pair[0])
-                after.append(pair[1])
+                drawn.append((pair[0].draw(random), pair[1].draw(random)))
+                before.append(pair[0].forget_learned())
+                after.append(pair[1].forget_learned())
                 chosen.append([one.variant.effect.name for one in inside.found])
     if not before:
         return None
-    random = np.random.default_rng(seed)
     rows = sum(len(e.run) for e in before)
-    ratio, low, high, std = bootstrap_gain(before, after, random)
+    ratio, low, high, std = bootstrap_gain(before, after, drawn, random)
     levels = [
         float(np.sqrt(sum(e.square.sum() for e in side) / (2 * rows))) for side in (before, after)
     ]
@@ -491,7 +496,10 @@ def _knows(taught: ExtendedFit, final: ExtendedFit, name: str, least: float) -> 
 
 
 def bootstrap_gain(
-    before: Sequence[Errors], after: Sequence[Errors], random: np.random.Generator
+    before: Sequence[Errors],
+    after: Sequence[Errors],
+    drawn: Sequence[tuple[Array, Array]],
+    random: np.random.Generator,
 ) -> tuple[float, float, float, float]:
     """(ratio of the errors, 2.5 % and 97.5 % quantile, standard deviation): blocks drawn with
     replacement, each with its own teaching.
@@ -502,8 +510,10 @@ def bootstrap_gain(
         Errors of each fold without the causes.
     after
         With them.
+    drawn
+        What each fold's two `draw`, (k, DRAWS) each.
     random
-        Of the draws.
+        Of the blocks.
 
     Returns
     -------
@@ -519,15 +529,16 @@ def bootstrap_gain(
     >>> fold, _ = forecast.split_for_forecast(search.base.series)
     >>> taught = forecast.train(search.base, fold)
     >>> errors = forecast.find_forecast_errors(taught, search.base, fold)
-    >>> forecast.bootstrap_gain([errors], [errors], np.random.default_rng(0))[0]
+    >>> random = np.random.default_rng(0)
+    >>> drawn = errors.draw(random), errors.draw(random)
+    >>> forecast.bootstrap_gain([errors], [errors], [drawn], random)[0]
     1.0
     """
     sums: list[list[Array]] = [[], []]
-    for pair in zip(before, after, strict=True):
-        blocks = [b for b in np.array_split(np.arange(len(pair[0].run)), BLOCKS) if len(b)]
-        for side, one in enumerate(pair):
-            drawn = one.draw(random)
-            sums[side] += [drawn[b].sum(axis=0) for b in blocks]
+    for one, pair in zip(before, drawn, strict=True):
+        blocks = [b for b in np.array_split(np.arange(len(one.run)), BLOCKS) if len(b)]
+        for side, squares in enumerate(pair):
+            sums[side] += [squares[b].sum(axis=0) for b in blocks]
     count = len(sums[0])
     picked = random.multinomial(count, np.full(count, 1 / count), DRAWS)
     left = [np.sum(picked * np.stack(side, axis=1), axis=1) for side in sums]

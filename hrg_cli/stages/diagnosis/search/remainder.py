@@ -17,7 +17,7 @@ from ....fitting.causes.designs import Basis
 from ....fitting.causes.evidence import Score
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.measured_runs import MeasuredRuns
-from ....fitting.causes.sensitivities import Propagation, multiply_out
+from ....fitting.causes.sensitivities import Propagation, batch_columns, multiply_out
 from ....fitting.causes.slow_equation import RungeKuttaStage
 from ....fitting.causes.wave_frame import find_directions, to_reals
 from ....fitting.causes.whitened_rows import flatten_rows
@@ -57,8 +57,6 @@ SMOOTH = 6
 is quicker is asked of the open terms."""
 OPEN_TERMS = 3
 """Open terms that describe a rest; a rest that needs more is not described."""
-FEW = 64
-"""Columns of open terms, about, that are made at a time."""
 
 
 @dataclass(frozen=True)
@@ -290,7 +288,9 @@ def compute_term_columns(
         place = pairs[numbers[0]][0]
         at_rows = seen if place.readout else motion
         vectors = _vectors(place, _find_acted_on(place, flow.rows, at_rows))
-        for some in _batch_terms(numbers, vectors.shape[-1]):
+        widths = [pairs[k][1].parts * vectors.shape[-1] for k in numbers]
+        for places in batch_columns(widths, 4 * series.weight.size):
+            some = [numbers[place] for place in places]
             parts = values(some, at_rows, series)
             g = np.concatenate(parts, axis=-1)
             if place.readout:
@@ -299,11 +299,7 @@ def compute_term_columns(
                 g_middle = np.concatenate(values(some, flow.middle, flow.centre), axis=-1)
                 between = _vectors(place, _find_acted_on(place, flow.halves, flow.middle))
                 wide = flow.whiten_read_out(flow.propagate_products(vectors, between, g, g_middle))
-            yield (
-                some,
-                flatten_rows(series, wide),
-                [part.shape[-1] * vectors.shape[-1] for part in parts],
-            )
+            yield some, flatten_rows(series, wide), [widths[place] for place in places]
 
 
 def _find_acted_on(place: Place, stage: RungeKuttaStage, u: Array) -> Array:
@@ -314,13 +310,6 @@ def _find_acted_on(place: Place, stage: RungeKuttaStage, u: Array) -> Array:
 def _vectors(place: Place, u: Array) -> Array:
     """M u of a place as reals, (…, 4, columns)."""
     return np.stack([to_reals(m) for m in place.columns(u)], -1)
-
-
-def _batch_terms(numbers: list[int], columns: int) -> Iterator[list[int]]:
-    """As many at a time as stay in the processor's cache together."""
-    count = max(1, FEW // columns)
-    for first in range(0, len(numbers), count):
-        yield numbers[first : first + count]
 
 
 def refine_term(fit: ExtendedFit, term: Term) -> Term:
