@@ -143,7 +143,7 @@ def whiten_rows(series: MeasuredRuns, values: Array) -> Array:
     if keep.all():  # a view instead of a copy: the design of long runs is most of the memory
         rows = values.reshape(-1, *values.shape[3:])
     else:
-        rows = values[np.broadcast_to(keep[..., None], values.shape[:3])]
+        rows = values[keep].reshape(-1, *values.shape[3:])
     return rows if series.scatter is None else series.scatter.whiten(rows)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ....fitting.causes.design_columns import FREQUENCY
 from ....fitting.causes.extended_fit import ExtendedFit
-from ....fitting.causes.fit_point import build_state
 from ....fitting.causes.wave_frame import to_complex
 from ....fitting.envelopes.coordinates import DAMPING
 from ....fitting.samples.course import build_from_means
@@ -149,7 +148,7 @@ def _environment(
     out = make_rate_course(wave.time_s, wave.rate_rad_s, length_s, straight)
     if series.has_temperature:
         # an effect may make the logged temperature the resonator's
-        true = build_state(series, fit.point)
+        true = fit.flow.rows.state
         good = [series.weight[k] > 0 for k in own]
         t = np.concatenate([series.time_s[k][g] for k, g in zip(own, good, strict=True)])
         warm = np.concatenate([true.temperature_degc[k][g] for k, g in zip(own, good, strict=True)])

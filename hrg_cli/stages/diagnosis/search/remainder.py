@@ -861,4 +861,9 @@ def measure_smooth_part(fit: ExtendedFit) -> tuple[float, int]:
     >>> bool(power < 2 * degrees), degrees > 20
     (True, True)
     """
-    return evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit))
+    # the open search asks, and so do the closing checks
+    found: tuple[float, int] = fit.recall(
+        "smooth part",
+        lambda: evidence.measure_smooth_power(fit.residual, fit.basis, smooth_columns(fit)),
+    )
+    return found
