@@ -264,9 +264,9 @@ def _explain_no_numbers(path: Path, shown: list[tuple[int, str]]) -> HrgError:
         )
     last, (number, line) = shown[rows[-1]][0], shown[rows[-1] + 1]
     return HrgError(
-        f"{path}: below line {last + 1} its lines hold no rows of numbers any more"
-        f" ({len(shown) - rows[-1] - 1} lines; line {number + 1} is {line.strip()[:40]!r}); the log"
-        " is broken there: cut it before that line or record it again"
+        f"{path}: its last row of numbers is line {last + 1}, and {len(shown) - rows[-1] - 1} lines"
+        f" of words follow (line {number + 1}: {line.strip()[:30]!r}); cut it there or record it"
+        " again"
     )
 
 

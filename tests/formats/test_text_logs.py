@@ -354,7 +354,7 @@ BROKEN = {
     ),
     "broken to its end": (
         "time,c,s\n" + rows([T, C, S]) + "disk full; #\n" * 500,
-        "below line 401 its lines hold no rows of numbers",
+        "its last row of numbers is line 401, and 500 lines of words follow",
     ),
     "last line broken": ("time,c,s\n" + rows([T, C, S]) + "0.3,0.1", "line 402 has 2 cells"),
     "text in numbers": (
