@@ -73,7 +73,7 @@ def stream_windows(
     ...     slow=Told(list_fields=list, list_constant_fields=dict, judge=list),
     ... )
     >>> plan, taken = plan_windows(Path(), [(t, u)], 100), Taken(Log("", (), iter), {}, {}, 100.0)
-    >>> (windows,) = stream_windows(source, _no_windows(5e3, 1.0), plan, taken)
+    >>> (windows,) = stream_windows(source, _no_windows(5e3, plan), plan, taken)
     >>> windows.time_s.round(9).tolist(), windows.signals.round(2)[:, 0].tolist()
     ([0.495, 1.495], [2.0, 2.0])
     """

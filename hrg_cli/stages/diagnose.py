@@ -53,7 +53,12 @@ from .diagnosis.report.shares import report_shares
 from .diagnosis.run_clock import count_from_begin
 from .diagnosis.samples.harmonics import measure_motion_harmonics
 from .diagnosis.samples.heard import find_largest_cubic, find_unheard
-from .diagnosis.samples.lines import describe_folded, describe_rounding, find_common_step
+from .diagnosis.samples.lines import (
+    describe_folded,
+    describe_rounding,
+    find_common_step,
+    find_median_frequency,
+)
 from .diagnosis.samples.odd_windows import say_odd_windows as odd_ones
 from .diagnosis.samples.own_clipping import count_blocks, count_common_clipping
 from .diagnosis.samples.tone import Tone
@@ -176,6 +181,7 @@ def diagnose(
     blocks = count_blocks(blocks, clocks.waves, counted)
     asked = Asked(
         tuple(counted),
+        tuple(clocks.waves),
         resonator,
         tuple(e for e in (*EFFECTS, *extra_effects) if e.seen_in == "dynamics"),
         tuple(extra_effects),
@@ -223,10 +229,12 @@ def _diagnose_usable(asked: Asked) -> Diagnosis:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a diagnosis is asked: the waves, the values believed, the causes looked for, those of
-    them that the user brought, how many at most, and how the base model is fitted to runs."""
+    """What a diagnosis is asked: the waves, the same with all their flags (`waves` has none where
+    clipped windows count), the values believed, the causes looked for, those of them that the user
+    brought, how many at most, and how the base model is fitted to runs."""
 
     waves: tuple[Wave, ...]
+    flagged: tuple[Wave, ...]
     resonator: Resonator | None
     searched: tuple[Effect, ...]
     extra_effects: tuple[Effect, ...]
@@ -308,9 +316,7 @@ def _judge(
     """The case held against the samples, against its own simulation, and by the closing checks."""
     searched = case
     case, sized = give_up_unsized(searched)
-    samples = _seen_in_samples(
-        asked.waves, case, cut, widen_by_rest(tones, case.search.final, pieces)
-    )
+    samples = _seen_in_samples(asked, case, cut, widen_by_rest(tones, case.search.final, pieces))
     model, written = _written(asked, case, cut, pieces, samples)
     again = choose_again(case, lambda: cut.fit(pieces, coarser=2))
     closing = make_closing_checks(
@@ -406,16 +412,15 @@ def _explain_heard(asked: Asked, base: ExtendedFit) -> Case:
     return case
 
 
-def _seen_in_samples(
-    waves: Sequence[Wave], case: Case, cut: Cut, tones: Sequence[Tone]
-) -> InSamples:
+def _seen_in_samples(asked: Asked, case: Case, cut: Cut, tones: Sequence[Tone]) -> InSamples:
     """What the samples show beside the causes of the dynamics."""
-    final = case.search.final
-    frequency_hz = float(np.mean(final.frequency_hz))
+    final, waves = case.search.final, asked.waves
+    # where the motion itself is: a frequency that follows the amplitude is elsewhere at rest
+    frequency_hz = float(np.mean([find_median_frequency(wave) for wave in waves]))
     found = [one.variant.effect for one in case.search.found]
     bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
     shown, lines = find_waveform_causes(
-        waves,
+        asked.flagged,
         time_losses(cut.steps, final, waves, cut.origin),
         tones,
         frequency_hz,

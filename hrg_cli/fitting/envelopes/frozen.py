@@ -136,7 +136,7 @@ class _Seen:
                 values.append(np.asarray(getattr(part, name), float)[rows[::every]])
             here = {name: np.asarray(getattr(part, name), float)[rows] for name in COLUMNS}
             here["envelope"] = compute_envelopes(part, rows)
-            envelopes.append(here["envelope"][::every])
+            envelopes.append(here["envelope"][::every].copy())  # a view would hold the block
             seen._add(
                 {name: np.concatenate([last.get(name, v[:0]), v]) for name, v in here.items()}
             )

@@ -12,15 +12,11 @@ from ....effects import converter_nonlinearity, pickoff_nonlinearity, saturation
 from ....effects.effect import Effect
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import build_state
-from ....fitting.causes.scales import measure_strength
-from ....records import Array, Wave
-from .lines import Line, find_cell_hz, find_median_amplitude
+from ....records import FLAG_CLIPPED, Array, Wave
+from .lines import Line, find_cell_hz
 from .odd_windows import are_at_top, find_channel_amplitudes, find_odd_windows
 from .offered import UNMEASURED, make_entry
 
-LARGER_THAN_MEAN = 4.0
-"""Times its mean over all runs that a harmonic of the motion may be in a single one: it follows
-a³."""
 CUBIC_LARGEST = 0.3
 """γa² of a pick-off's cubic beyond which it is none."""
 DITHERED, EXACTLY = 0.5, 1e-3
@@ -30,9 +26,10 @@ CLIPPED_PEAK = 4 / np.pi
 
 
 def measure_motion_harmonics(fit: ExtendedFit) -> float:
-    """Part of the wave's size that the third harmonic of the motion may have at most.
+    """The third harmonic that the motion may have at most, root mean square over a run.
 
-    Forces of it, F₃, of up to three times those at ω, F₁ = 2ω|u̇|, move it by F₃/8ω².
+    Forces of it, F₃, of up to three times those at ω, F₁ = 2ω|u̇|, move it by F₃/8ω². It follows the
+    motion: with a³ it is many times its median in a run that decays.
 
     Parameters
     ----------
@@ -42,7 +39,7 @@ def measure_motion_harmonics(fit: ExtendedFit) -> float:
     Returns
     -------
     float
-        0 where no cause is a nonlinear force.
+        In the signals' unit, of the run that has most; 0 where no cause is a nonlinear force.
 
     Examples
     --------
@@ -53,12 +50,17 @@ def measure_motion_harmonics(fit: ExtendedFit) -> float:
     """
     motion = fit.prediction.motion
     state = build_state(fit.series, fit.point)
-    parts = [
-        measure_strength(effect, values, motion, state)[0]
+    moved = [
+        np.linalg.norm(effect.slow(values, motion, state), axis=-1)
         for effect, values in fit.point.active
         if effect.nonlinear_force
     ]
-    return LARGER_THAN_MEAN * 0.75 * sum(parts)
+    if not moved:
+        return 0.0
+    third2 = (0.75 * np.sum(moved, axis=0) / state.omega_r_rad_s) ** 2
+    known = fit.series.weight > 0
+    mean = np.sum(third2 * known, axis=1) / np.maximum(known.sum(axis=1), 1)
+    return float(np.sqrt(mean.max()))
 
 
 def name_bent_channels(
@@ -81,7 +83,7 @@ def name_bent_channels(
     found
         Causes named by the dynamics.
     of_motion
-        Part of the wave's size that the third harmonic of the motion itself may have.
+        The third harmonic that the motion itself may have, in the signals' unit.
 
     Returns
     -------
@@ -105,16 +107,19 @@ def name_bent_channels(
     if any(effect.makes_harmonics for effect in found):
         return []
     clipped = find_clipped_windows(waves)
-    if any(one.any() for one in clipped):
+    # clips that the windows flag and no cause of the dynamics needs are named where they are heard
+    flagged = any(np.any(np.asarray(w.flags) & FLAG_CLIPPED) for w in waves)
+    if any(one.any() for one in clipped) and (odd or not flagged):
         clipping = _clipping(waves, clipped, [harmonics[n] for n in odd])
         return [clipping] if clipping is not None else []
     if codes:
         return [_converter(waves, codes, harmonics)]
     if 3 not in harmonics:
         return []
-    line, size = harmonics[3], float(np.median([find_median_amplitude(w) for w in waves]))
+    line = harmonics[3]
     cubic = read_cubic(line, waves)
-    if not 4 * of_motion < cubic * size**2 < CUBIC_LARGEST:
+    bent = cubic * measure_cubed_amplitude(waves) ** 2
+    if not float(np.max(line.amplitude)) > of_motion or not bent < CUBIC_LARGEST:
         return []
     offer = make_entry(
         pickoff_nonlinearity.EFFECT,
@@ -130,7 +135,8 @@ def name_bent_channels(
 
 
 def read_cubic(line: Line, waves: Sequence[Wave]) -> float:
-    """The cubic of a pick-off that makes such a third harmonic, γ = 4 A₃/A³.
+    """The cubic of a pick-off that makes such a third harmonic, γ = 4 A₃/A³, both root mean squares
+    over the runs.
 
     Parameters
     ----------
@@ -154,8 +160,33 @@ def read_cubic(line: Line, waves: Sequence[Wave]) -> float:
     >>> bool(0.003 < read_cubic(third, draw_waves()) < 0.01)
     True
     """
-    size = float(np.median([find_median_amplitude(w) for w in waves]))
-    return 4 * float(np.max(line.amplitude)) / size**3
+    return 4 * float(np.max(line.amplitude)) / measure_cubed_amplitude(waves) ** 3
+
+
+def measure_cubed_amplitude(waves: Sequence[Wave]) -> float:
+    """The amplitude whose cube is the root mean square of the runs' cubes, (⟨a⁶⟩)^⅙.
+
+    Parameters
+    ----------
+    waves
+        Of the runs.
+
+    Returns
+    -------
+    float
+        In the signals' unit.
+
+    Examples
+    --------
+    Of e^{−t/2 s} over 1 s from 1, twice and once from a half:
+
+    >>> from hrg_cli.stages.diagnosis.drawn_case import draw_waves
+    >>> from hrg_cli.stages.diagnosis.samples.harmonics import measure_cubed_amplitude
+    >>> round(measure_cubed_amplitude(draw_waves()[:1]), 2)
+    0.83
+    """
+    sizes = [np.asarray(wave.main_amplitude, float)[wave.good()] for wave in waves]
+    return float(np.mean(np.concatenate(sizes) ** 6) ** (1 / 6))
 
 
 def find_clipped_windows(waves: Sequence[Wave]) -> list[Array]:

@@ -25,7 +25,6 @@ from .lines import (
     find_cell_hz,
     find_folding_hz,
     find_lines,
-    find_median_amplitude,
     find_median_frequency,
     find_spurs,
     list_harmonics,
@@ -81,7 +80,7 @@ def find_waveform_causes(
     found
         Effects named by the dynamics.
     of_motion
-        Part of the wave's size that harmonics of the motion itself may have.
+        The third harmonic that the motion itself may have, in the signals' unit.
     find_most_cubic
         The largest cubic of the pick-off that the motion allows, asked where there is a third
         harmonic: one that would take more is a tone. None: any may be.
@@ -145,8 +144,7 @@ def _is_own_third(
 ) -> bool:
     """Whether a line at three times the oscillation is the motion's own, or as large as a pick-off
     makes it that bends the wave by no more than it is bent."""
-    size = float(np.median([find_median_amplitude(wave) for wave in waves]))
-    if float(np.max(line.amplitude)) <= of_motion * size:
+    if float(np.max(line.amplitude)) <= of_motion:
         return True
     return read_cubic(line, waves) <= find_most_cubic()
 
