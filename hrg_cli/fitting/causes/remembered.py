@@ -10,9 +10,9 @@ from weakref import ref
 
 import numpy as np
 
-MOST_NUMBERS = 5_000_000
-"""Numbers that are remembered beside all fits together (40 MB): of eight runs all that a search
-with two causes makes. What is forgotten is made again, alike."""
+MOST_NUMBERS = 4_000_000
+"""Numbers that are remembered beside all fits together (32 MB): two thirds of what a search with
+two causes in eight runs makes. What is forgotten is made again, alike."""
 
 _Entry = tuple[int, Hashable]
 """Which memory it is of, and under which key."""
