@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from ..records import Array
 from .envelope_signal import EnvelopeSignal
 from .log import Log
 from .log_columns import Roles
+from .no_values import BEYOND_ALL
 from .readers import guard_reading
 from .row_rounding import RowRounding
 from .slow import SlowLog
@@ -55,7 +56,7 @@ class EnvelopeRows:
                 columns_beside = columns[count : count + len(self.slow.indexes)]
                 slow = self.slow.convert(columns_beside, row + np.arange(n))
                 row += n
-                yield times, self.signal.compute_envelopes(columns[:count]), slow
+                yield times, self.signal.compute_envelopes(_drop_marks(columns[:count])), slow
 
     def find_rounding(self) -> RowRounding:
         """The lattices on which the first rows' values lie."""
@@ -80,3 +81,9 @@ class EnvelopeRows:
             low = 0 if from_s is None else int(np.searchsorted(times, from_s))
             high = len(times) if to_s is None else int(np.searchsorted(times, to_s))
             yield times[low:high], u[:, low:high]
+
+
+def _drop_marks(columns: Sequence[Array]) -> list[Array]:
+    """The columns with NaN for what an instrument writes where it has no value (9.9E37)."""
+    values = (np.asarray(column, float) for column in columns)
+    return [np.where(np.abs(one) < BEYOND_ALL, one, np.nan) for one in values]

@@ -219,8 +219,9 @@ def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
 
 
 def _need_unit(columns: dict[str, int], log: Log, path: Path, decibel: bool) -> None:
-    """HrgError: levels that were not said to be levels, or I and Q that were."""
-    units = (log.channels[i].units for i in columns.values())
+    """HrgError: levels that were not said to be levels, I and Q that were, or columns of the
+    signals in several units."""
+    units = [log.channels[i].units for i in columns.values()]
     level = next((unit for unit in units if is_level(unit)), None)
     if level is not None and not decibel:
         raise HrgError(
@@ -229,3 +230,14 @@ def _need_unit(columns: dict[str, int], log: Log, path: Path, decibel: bool) -> 
         )
     if decibel and "amplitude" not in columns:
         raise HrgError(f"{path}: decibel is for an amplitude; I and Q are no levels")
+    told: dict[str, str] = {}
+    for role, i in columns.items():
+        channel = log.channels[i]
+        if role != "phase" and channel.units:
+            told.setdefault(spell_channel_unit(channel.units), channel.name)
+    if len(told) > 1:
+        (unit, name), (other, another) = list(told.items())[:2]
+        raise HrgError(
+            f"{path}: column {name!r} is in {unit!r} and {another!r} in {other!r}; all columns of"
+            " the signals in one unit were expected: write them so"
+        )

@@ -80,6 +80,9 @@ def iq_log(folder, time, u, title="time (s),x1 (V),y1 (V),x2 (V),y2 (V)"):
     return written(folder / "lock.csv", time, [u[0].real, u[0].imag, u[1].real, u[1].imag], title)
 
 
+BY_NUMBER = {"c_in_phase": 2, "c_quadrature": 3, "s_in_phase": 4, "s_quadrature": 5}
+
+
 def taken(path, **more):
     return collect(
         import_envelope(
@@ -539,3 +542,27 @@ def test_noise_alone_is_no_decay(tmp_path):
     made = taken(path, amplitude=2, units="V")
     with pytest.raises(HrgError, match="above 6 standard deviations of its noise"):
         identify([collect(estimate(made))])
+
+
+def test_columns_of_two_units_are_refused(tmp_path):
+    """Both were taken in the first one's unit, and the rate's was blamed."""
+    time = np.arange(400) / 100
+    path = iq_log(tmp_path, time, envelope(time), "time (s),x1 (mV),y1 (mV),x2 (V),y2 (V)")
+    with pytest.raises(HrgError, match="'x1' is in 'mV' and 'x2' in 'V'"):
+        taken(path, **BY_NUMBER)
+
+
+def test_rows_that_an_instrument_marks_as_none_are_left_out(tmp_path):
+    """9.9E37 is what it writes of an overload: no fit began beside it."""
+    rng = np.random.default_rng(5)
+    time = np.arange(3000) / 100
+    u = envelope(time) + 1e-3 * (
+        rng.standard_normal((2, 3000)) + 1j * rng.standard_normal((2, 3000))
+    )
+    u[0, 700:710] = 9.9e37
+    periods = taken(iq_log(tmp_path, time, u), **BY_NUMBER)
+    assert np.count_nonzero(periods.flags & FLAG_NOT_FINITE) == 10
+    resonator = identify([collect(estimate(periods))], scale_factor=0.554)
+    for name, true in TRUTH.items():
+        value, std, _ = resonator.parameters()[name]
+        assert abs(value - true) < 4 * std, name
