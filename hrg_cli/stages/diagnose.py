@@ -420,7 +420,8 @@ def _seen_in_samples(asked: Asked, case: Case, cut: Cut, tones: Sequence[Tone]) 
     found = [one.variant.effect for one in case.search.found]
     bends = [pair for pair in final.point.active if pair[0].makes_harmonics]
     shown, lines = find_waveform_causes(
-        asked.flagged,
+        # the fits tell a clip by its windows' motion, but beside a gross misfit of that
+        asked.flagged if is_gross(final) else waves,
         time_losses(cut.steps, final, waves, cut.origin),
         tones,
         frequency_hz,

@@ -12,7 +12,7 @@ from ....effects import converter_nonlinearity, pickoff_nonlinearity, saturation
 from ....effects.effect import Effect
 from ....fitting.causes.extended_fit import ExtendedFit
 from ....fitting.causes.fit_point import build_state
-from ....records import FLAG_CLIPPED, Array, Wave
+from ....records import Array, Wave
 from .lines import Line, find_cell_hz
 from .odd_windows import are_at_top, find_channel_amplitudes, find_odd_windows
 from .offered import UNMEASURED, make_entry
@@ -107,9 +107,7 @@ def name_bent_channels(
     if any(effect.makes_harmonics for effect in found):
         return []
     clipped = find_clipped_windows(waves)
-    # clips that the windows flag and no cause of the dynamics needs are named where they are heard
-    flagged = any(np.any(np.asarray(w.flags) & FLAG_CLIPPED) for w in waves)
-    if any(one.any() for one in clipped) and (odd or not flagged):
+    if any(one.any() for one in clipped):
         clipping = _clipping(waves, clipped, [harmonics[n] for n in odd])
         return [clipping] if clipping is not None else []
     if codes:
