@@ -21,6 +21,11 @@ WIDEST = 1e4
 """Usual distance of neighbouring values in steps above which no lattice can be seen: the smallest
 step is then chance."""
 
+SPREAD_VARIANCE = 1 / 3
+"""Variance in q² of values on a lattice of step q from which noise of q/2, beside q²/12 of the
+rounding, spreads them over the codes."""
+SPREAD_SHARE = 1 / 12 / SPREAD_VARIANCE
+"""Part of that variance that the rounding makes: above it the codes are not spread."""
 ROUNDINGS = 4.0
 """A step must exceed the number format's own rounding so many times."""
 

@@ -221,7 +221,7 @@ def _need_whole_pairs(columns: dict[str, int], log: Log, path: Path) -> None:
 def _need_unit(columns: dict[str, int], log: Log, path: Path, decibel: bool) -> None:
     """HrgError: levels that were not said to be levels, I and Q that were, or columns of the
     signals in several units."""
-    units = [log.channels[i].units for i in columns.values()]
+    units = (log.channels[i].units for i in columns.values())
     level = next((unit for unit in units if is_level(unit)), None)
     if level is not None and not decibel:
         raise HrgError(

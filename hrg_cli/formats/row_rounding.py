@@ -16,13 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..least_count import find_least_count
+from ..least_count import SPREAD_SHARE, SPREAD_VARIANCE, find_least_count
 from .row_noise import RowNoise
 
 Array = np.ndarray
-SPREAD_VARIANCE = 1 / 3
-"""Variance of rows in q² from which their noise, q/2 and q²/12 of the rounding, spreads the
-codes."""
 DECIBEL = np.log(10) / 20
 FIRST = 64
 """Rows that are the begin of a log."""
@@ -77,11 +74,12 @@ class RowRounding:
         return np.divide(mean, steps, out=np.full((2, 2), np.inf), where=steps > 0)
 
     def makes_most(self, noise: RowNoise, start: Array) -> bool:
-        """Whether the first of some envelopes (channel, n) scatter by their rounding, more than all
-        do: a phase written to 0.1° errs by more where the amplitude is larger."""
+        """Whether the first of some envelopes (channel, n) scatter by a rounding that noise, as all
+        show it, does not spread: a phase written to 0.1° errs by more where the amplitude is
+        larger."""
         first = np.abs(start[:, :FIRST])
         steps = [self.find_steps(np.nanmax(size), k) for k, size in enumerate(first)]
-        return bool(np.sum(np.square(steps)) / 12 > SPREAD_VARIANCE / 4 * noise.variance.sum())
+        return bool(np.sum(np.square(steps)) / 12 > SPREAD_SHARE * noise.variance.sum())
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,11 @@ no second mode, no settling filter and no stuck channel."""
 
 import numpy as np
 import pytest
-from test_envelope import REFERENCE, TRUTH, envelope
+from test_envelope import REFERENCE, TRUTH, envelope, iq_log, lock_in, taken
 
 from hrg_cli.formats import import_envelope
-from hrg_cli.records import collect
+from hrg_cli.formats.row_noise import estimate_row_noise
+from hrg_cli.records import FLAG_SETTLING, collect
 from hrg_cli.stages.estimate import estimate
 from hrg_cli.stages.identify import identify
 
@@ -83,3 +84,20 @@ def test_digits_below_the_noise_change_nothing(tmp_path):
     named = {name: 2 + k for k, name in enumerate(names)}
     few, many = (identified(tmp_path / f"{d}.csv", columns, (d,) * 4, **named)[1] for d in (4, 12))
     np.testing.assert_allclose(few.std, many.std, rtol=0.02)
+
+
+def test_a_filter_that_settles_is_seen_in_rows_as_coarse_as_their_noise(tmp_path):
+    """Steps of one σ are spread by the noise: what stands out of both is the filter's."""
+    time, u = lock_in(2, 0.02, settled=0.0)
+    _, long_on = lock_in(2, 0.02, settled=20.0)
+    flagged = []
+    for step in (1e-9, 1.2 * estimate_row_noise([long_on]).variance.mean() ** 0.5):
+        periods = taken(
+            iq_log(
+                tmp_path,
+                time,
+                step * np.round(np.ascontiguousarray(u).view(float) / step).view(complex),
+            )
+        )
+        flagged.append(np.count_nonzero(periods.flags & FLAG_SETTLING))
+    assert min(flagged) > 0, flagged

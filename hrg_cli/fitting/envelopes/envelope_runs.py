@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import HrgError
+from ...least_count import SPREAD_SHARE
 from ...physics import ellipse
 from ...records import Wave
 from ..noise import channel_noise
@@ -21,9 +22,6 @@ Array = np.ndarray
 MIN_ROWS = 8
 PHASE_UNKNOWN_RAD = 1.0
 """Standard deviation of a phase that was not recorded, or is lost in noise."""
-SPREAD_SHARE = 0.25
-"""Part of the noise that rounding makes, q²/12 of q²/12 + σ², above which σ < q/2 does not spread
-the codes."""
 SMOOTHING_ROWS = 64
 """Windows over which the noise estimate is pooled: one window of a few samples knows its own noise
 to 20 % only."""
